@@ -1,0 +1,82 @@
+"""Initial matches by correlation of hits and free space, both ways, in wall-aligned frames."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..model.geometry import FloatArray
+from ..model.settings import MatchingSettings
+from .index import ScanIndex, grid_size
+
+_BLOCK = 3  # cells; one peak a block, so that a ridge along a wall does not take all places
+_DISTINCT_M = 0.3
+
+
+def correlative_matches(
+    target: ScanIndex, source: ScanIndex, settings: MatchingSettings
+) -> FloatArray:
+    """Poses target_T_source (K, 3) at separated peaks of the correlation, the highest first.
+
+    For each of the four rotations that bring the walls of both scans in line, the occupied cells of
+    one scan are correlated with the blurred occupied minus the free cells of the other, and the
+    other way round, for all translations at once (FFT; spectra are kept with the scans).
+    """
+    from scipy.fft import irfft2
+
+    size = grid_size(settings)
+    a, b = target.spectra, source.spectra
+    # Quarter turns 2 and 3 are those of 0 and 1 turned by 180 degrees: the conjugate of a real
+    # grid's spectrum.
+    occupied = np.concatenate([b.occupied, b.occupied.conj()])
+    contrast = np.concatenate([b.contrast, b.contrast.conj()])
+    spectrum = a.contrast[0] * occupied.conj() + a.occupied[0] * contrast.conj()
+    maps = irfft2(spectrum, s=(size, size))
+    turn, row, column, value = _peaks(maps, 4 * settings.initial_matches)
+    signed = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
+    shift = np.column_stack([signed[column], signed[row]])
+    keep = _distinct(shift, turn, value, settings.initial_matches)
+    c, s = math.cos(a.wall_angle), math.sin(a.wall_angle)
+    x, y = shift[keep].T
+    theta = a.wall_angle - b.wall_angle + 0.5 * math.pi * turn[keep]
+    return np.column_stack([c * x - s * y, s * x + c * y, theta])
+
+
+def _peaks(maps: FloatArray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, FloatArray]:
+    """Turn, row, column and value of the highest cells, at most one a block of cells, sorted by value."""
+    turns, size, _ = maps.shape
+    edge = math.ceil(size / _BLOCK) * _BLOCK
+    padded = np.pad(maps, ((0, 0), (0, edge - size), (0, edge - size)), constant_values=-np.inf)
+    blocks = padded.reshape(turns, edge // _BLOCK, _BLOCK, edge // _BLOCK, _BLOCK).transpose(
+        0, 1, 3, 2, 4
+    )
+    blocks = blocks.reshape(-1, _BLOCK * _BLOCK)
+    inside = np.argmax(blocks, axis=1)
+    highest = blocks[np.arange(len(blocks)), inside]
+    best = np.argpartition(highest, -min(count, len(highest)))[-count:]
+    best = best[np.lexsort((best, -highest[best]))]
+    turn, row, column = np.unravel_index(best, (turns, edge // _BLOCK, edge // _BLOCK))
+    return (
+        turn,
+        row * _BLOCK + inside[best] // _BLOCK,
+        column * _BLOCK + inside[best] % _BLOCK,
+        highest[best],
+    )
+
+
+def _distinct(shift: FloatArray, turn: np.ndarray, value: FloatArray, count: int) -> list[int]:
+    """Indices of up to `count` peaks (sorted by value), none within 0.3 m of a higher one of the same turn."""
+    clash = (turn[:, None] == turn[None, :]) & (
+        np.hypot(shift[:, None, 0] - shift[None, :, 0], shift[:, None, 1] - shift[None, :, 1])
+        < _DISTINCT_M
+    )
+    free = np.isfinite(value)
+    kept: list[int] = []
+    for index in range(len(value)):
+        if free[index]:
+            kept.append(index)
+            free &= ~clash[index]
+            if len(kept) == count:
+                break
+    return kept

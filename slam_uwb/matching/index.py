@@ -1,0 +1,163 @@
+"""What matching needs of one scan, computed once: nearest points by table, free space, wall-aligned spectra."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.geometry import FloatArray, Points, rotation_matrix
+from ..model.products import PreparedScan
+from ..model.settings import MatchingSettings
+
+_TABLE_CELL_M = 0.1
+_TABLE_MARGIN_M = 1.0
+_TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
+_MAX_SLOPE_VARIANCE = (
+    0.01  # normals less certain than this mislead more than they help (library facts, 7)
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectra:
+    """Correlation grids of one scan in its wall-aligned frame, as half spectra at quarter turns 0 and 1."""
+
+    wall_angle: float
+    """rad, direction of the walls in the scanner's frame, in [-pi/4, pi/4)."""
+    occupied: NDArray[np.complex128]
+    """(2, G, G // 2 + 1)."""
+    contrast: NDArray[np.complex128]
+    """(2, G, G // 2 + 1), blurred occupied cells minus free ones."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanIndex:
+    """A prepared scan with its look-up structures."""
+
+    scan: PreparedScan
+    reliable: NDArray[np.bool_]
+    """(N,) points whose normal can be trusted."""
+    table: NDArray[np.int32]
+    """(H, W) index of the point nearest to each cell's centre."""
+    table_origin: tuple[float, float]
+    spectra: Spectra
+
+    def nearest(self, points: Points) -> NDArray[np.int32]:
+        """Index (...,) of the scan's point nearest to each of `points` (..., 2); cells of 0.1 m, so nearly."""
+        column = ((points[..., 0] - self.table_origin[0]) * (1.0 / _TABLE_CELL_M)).astype(np.int32)
+        row = ((points[..., 1] - self.table_origin[1]) * (1.0 / _TABLE_CELL_M)).astype(np.int32)
+        height, width = self.table.shape
+        np.clip(column, 0, width - 1, out=column)
+        np.clip(row, 0, height - 1, out=row)
+        return np.asarray(self.table.ravel().take(row * width + column))
+
+    def free_range(self, points: Points) -> FloatArray:
+        """(...,) metres the scanner looked through in the direction of each of `points` (..., 2); 0 = unknown."""
+        count = len(self.scan.free_ranges)
+        bearing = np.arctan2(points[..., 1], points[..., 0])
+        sector = ((bearing + math.pi) * (count / (2.0 * math.pi))).astype(np.int32)
+        return self.scan.free_ranges.take(np.minimum(sector, count - 1))
+
+
+def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
+    """Build the look-up structures of one scan; it must have at least one point."""
+    table, origin = _nearest_table(scan.points)
+    return ScanIndex(
+        scan=scan,
+        reliable=scan.normal_variance <= _MAX_SLOPE_VARIANCE,
+        table=table,
+        table_origin=origin,
+        spectra=_spectra(scan, settings),
+    )
+
+
+def _nearest_table(points: Points) -> tuple[NDArray[np.int32], tuple[float, float]]:
+    from scipy.ndimage import distance_transform_edt
+
+    reach = np.clip(points, -_TABLE_REACH_M, _TABLE_REACH_M)
+    low = reach.min(axis=0) - _TABLE_MARGIN_M
+    shape = np.ceil((reach.max(axis=0) + _TABLE_MARGIN_M - low) / _TABLE_CELL_M).astype(int)
+    column, row = ((reach - low) / _TABLE_CELL_M).astype(int).T
+    owner = np.full((shape[1], shape[0]), -1, dtype=np.int32)
+    owner[row, column] = np.arange(len(points))
+    rows, columns = distance_transform_edt(owner < 0, return_distances=False, return_indices=True)
+    return owner[rows, columns], (float(low[0]), float(low[1]))
+
+
+def wall_angle(scan: PreparedScan) -> float:
+    """Dominant wall direction modulo 90 degrees, in [-pi/4, pi/4) rad.
+
+    Peak of the length-weighted histogram of wall directions, refined by the circular mean around
+    it.
+    """
+    certain = scan.normal_variance <= _MAX_SLOPE_VARIANCE
+    if not certain.any():
+        return 0.0
+    quarter = 0.5 * math.pi
+    angles = np.arctan2(scan.normals[certain, 1], scan.normals[certain, 0]) % quarter
+    weights = scan.lengths[certain]
+    bins = 360
+    histogram = np.bincount(
+        (angles / quarter * bins).astype(int) % bins, weights=weights, minlength=bins
+    )
+    # +-1.5 degrees of smoothing: a wall's normals scatter by about a degree.
+    kernel = np.zeros(bins)
+    kernel[np.arange(-6, 7)] = 1.0
+    smooth = np.fft.irfft(np.fft.rfft(histogram) * np.fft.rfft(kernel), bins)
+    peak = (int(np.argmax(smooth)) + 0.5) * quarter / bins
+    away = np.remainder(angles - peak + 0.5 * quarter, quarter) - 0.5 * quarter
+    near = np.abs(away) < math.radians(2.0)
+    mean = peak + (np.average(away[near], weights=weights[near]) if near.any() else 0.0)
+    return float(np.remainder(mean + 0.5 * quarter, quarter) - 0.5 * quarter)
+
+
+def grid_size(settings: MatchingSettings) -> int:
+    """Cells along an edge of the correlation grid; wraps round at twice the radius, which scoring sorts out."""
+    from scipy.fft import next_fast_len
+
+    return int(
+        next_fast_len(
+            math.ceil(2.0 * settings.correlation_radius_m / settings.correlation_cell_m), real=True
+        )
+    )
+
+
+def _spectra(scan: PreparedScan, settings: MatchingSettings) -> Spectra:
+    from scipy.fft import rfft2
+    from scipy.ndimage import gaussian_filter
+
+    angle = wall_angle(scan)
+    size = grid_size(settings)
+    occupied = np.zeros((size, size))
+    near = np.hypot(*scan.points.T) < settings.correlation_radius_m
+    cells = np.rint(
+        scan.points[near] @ rotation_matrix(angle) / settings.correlation_cell_m
+    ).astype(int)
+    occupied[cells[:, 1], cells[:, 0]] = 1.0  # negative cells wrap: the grid is centred on cell 0
+    contrast = gaussian_filter(occupied, 0.8, mode="wrap") - _free_cells(
+        scan, angle, size, settings
+    )
+    grids = np.stack([occupied, contrast])
+    # Turning by 90 degrees maps cell (row, column) to (column, -row); half turns are conjugate
+    # spectra.
+    turned = np.roll(np.flip(grids.transpose(0, 2, 1), axis=2), 1, axis=2)
+    spectra = rfft2(np.stack([grids, turned], axis=1))
+    return Spectra(wall_angle=angle, occupied=spectra[0], contrast=spectra[1])
+
+
+def _free_cells(
+    scan: PreparedScan, angle: float, size: int, settings: MatchingSettings
+) -> FloatArray:
+    """(G, G) 1 where the scanner looked through the cell, in the wall-aligned frame centred on cell 0."""
+    steps = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
+    x, y = np.meshgrid(steps, steps)
+    count = len(scan.free_ranges)
+    bearing = np.arctan2(y, x) + angle + math.pi
+    sector = (
+        np.floor(np.remainder(bearing, 2.0 * math.pi) * (count / (2.0 * math.pi))).astype(int)
+        % count
+    )
+    margin = settings.free_space_margin_m
+    return np.asarray(np.hypot(x, y) < scan.free_ranges[sector] - margin, dtype=np.float64)

@@ -1,0 +1,105 @@
+"""Initial matches by three corresponding landmarks (paper, Algorithm 3)."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from ..model.geometry import FloatArray, Points
+from ..model.settings import MatchingSettings
+from .batch import transform
+from .index import ScanIndex
+
+_CHUNK = 4096  # transformations scored at once; bounds memory
+
+
+def landmark_matches(
+    target: ScanIndex, source: ScanIndex, settings: MatchingSettings
+) -> FloatArray:
+    """The poses target_T_source (K, 3) with the most points near the other scan, as Algorithm 3 prints it.
+
+    All 3-landmark combinations of both scans are compared by their side lengths in the three cyclic
+    shifts, every corresponding pair of triples gives a transformation by least squares, and those
+    with the highest number of source points whose closest target point is nearer than
+    `closest_point_m` are returned, best first.
+    """
+    triples_m, triples_n = _triples(target.scan.landmarks), _triples(source.scan.landmarks)
+    pairs_m, pairs_n = _corresponding(triples_m, triples_n, settings)
+    if not len(pairs_m):
+        return np.zeros((0, 3))
+    poses = fit_triples(pairs_m, pairs_n)
+    counts = np.concatenate([
+        closest_point_count(target, source, chunk, settings.closest_point_m)
+        for chunk in np.array_split(poses, max(1, len(poses) // _CHUNK))
+    ])  # fmt: skip
+    best = np.lexsort((np.arange(len(counts)), -counts))[: settings.initial_matches]
+    return np.asarray(poses[best])
+
+
+def closest_point_count(
+    target: ScanIndex, source: ScanIndex, poses: FloatArray, closest_point_m: float
+) -> FloatArray:
+    """(K,) source points with a target point nearer than `closest_point_m`: the paper's score."""
+    moved = transform(poses, source.scan.points)
+    offset = moved - target.scan.points[target.nearest(moved)]
+    near = np.einsum("knd,knd->kn", offset, offset) < closest_point_m**2
+    return near.sum(axis=1).astype(np.float64)
+
+
+def _triples(landmarks: Points) -> FloatArray:
+    """(T, 3, 2) all combinations of three landmarks, each counter-clockwise so that cyclic shifts suffice."""
+    if len(landmarks) < 3:
+        return np.zeros((0, 3, 2))
+    triples = landmarks[np.array(list(combinations(range(len(landmarks)), 3)))]
+    first, second = triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0]
+    clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
+    triples[clockwise] = triples[clockwise][:, ::-1]
+    return np.asarray(triples)
+
+
+def _sides(triples: FloatArray) -> FloatArray:
+    """(T, 3) lengths of the sides 0-1, 1-2, 2-0."""
+    return np.asarray(np.linalg.norm(np.roll(triples, -1, axis=1) - triples, axis=2))
+
+
+def _corresponding(
+    triples_m: FloatArray, triples_n: FloatArray, settings: MatchingSettings
+) -> tuple[FloatArray, FloatArray]:
+    """Triples (C, 3, 2) of both scans whose sides agree, corner by corner; thinned evenly beyond `max_triples`."""
+    from scipy.spatial import cKDTree
+
+    if not len(triples_m) or not len(triples_n):
+        return np.zeros((0, 3, 2)), np.zeros((0, 3, 2))
+    shifted = np.concatenate([np.roll(triples_n, -shift, axis=1) for shift in range(3)])
+    tree_m, tree_n = cKDTree(_sides(triples_m)), cKDTree(_sides(shifted))
+    # Counting first costs little and keeps memory bounded where landmarks are many.
+    total = int(tree_m.count_neighbors(tree_n, settings.landmark_side_m, p=np.inf))
+    if total > settings.max_triples:
+        keep = np.unique(
+            np.linspace(
+                0, len(shifted) - 1, int(len(shifted) * settings.max_triples / total)
+            ).astype(int)
+        )
+        shifted = shifted[keep]
+        tree_n = cKDTree(_sides(shifted))
+    pairs = tree_n.sparse_distance_matrix(
+        tree_m, settings.landmark_side_m, p=np.inf, output_type="coo_matrix"
+    )
+    order = np.lexsort((pairs.col, pairs.row))
+    return triples_m[pairs.col[order]], shifted[pairs.row[order]]
+
+
+def fit_triples(target: FloatArray, source: FloatArray) -> FloatArray:
+    """(C, 3) least-squares poses target_T_source of corresponding corners (C, 3, 2) (eq. 4-5; Umeyama 1991)."""
+    centre_t, centre_s = target.mean(axis=1), source.mean(axis=1)
+    t, s = target - centre_t[:, None], source - centre_s[:, None]
+    cosine = np.einsum("kij,kij->k", s, t)
+    sine = np.einsum("ki,ki->k", s[:, :, 0], t[:, :, 1]) - np.einsum(
+        "ki,ki->k", s[:, :, 1], t[:, :, 0]
+    )
+    theta = np.arctan2(sine, cosine)
+    c, si = np.cos(theta), np.sin(theta)
+    x = centre_t[:, 0] - (c * centre_s[:, 0] - si * centre_s[:, 1])
+    y = centre_t[:, 1] - (si * centre_s[:, 0] + c * centre_s[:, 1])
+    return np.column_stack([x, y, theta])

@@ -1,0 +1,103 @@
+"""Which pairs are tried, and matching all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import combinations
+from multiprocessing import get_context
+
+from ..model.errors import SettingsError
+from ..model.products import PreparedScan, Progress, ScanMatch, silent
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .hypotheses import match_pair
+from .index import ScanIndex, index_scan
+
+Pair = tuple[StationId, StationId]
+"""(m, n): target and source; fit scan n to scan m."""
+
+_WORTH_PROCESSES = 400  # pairs; below, starting processes costs more than it saves
+
+
+def candidate_pairs(
+    stations: Sequence[StationId], sequence: Sequence[Pair] | None, settings: MatchingSettings
+) -> tuple[Pair, ...]:
+    """Pairs to be matched, in the survey's order.
+
+    `all` takes every pair once, as the sequence orients it; `sequence` those of the sequence alone.
+
+    Raises:
+        SettingsError: the sequence is wanted and the survey has none.
+    """
+    present = set(stations)
+    oriented = tuple(pair for pair in sequence or () if present.issuperset(pair))
+    if settings.pairs == "sequence":
+        if not sequence:
+            raise SettingsError(
+                "matching.pairs", "is 'sequence', but survey.toml gives no sequence; use 'all'"
+            )
+        return oriented
+    named = set(oriented)
+    return tuple((b, a) if (b, a) in named else (a, b) for a, b in combinations(stations, 2))
+
+
+def index_scans(
+    prepared: Mapping[StationId, PreparedScan], settings: MatchingSettings
+) -> dict[StationId, ScanIndex]:
+    """Look-up structures of every scan that has enough points to be matched."""
+    return {
+        station: index_scan(scan, settings)
+        for station, scan in prepared.items()
+        if len(scan.points) >= 3
+    }
+
+
+def match_pairs(
+    pairs: Sequence[Pair],
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+    progress: Progress = silent,
+    workers: int = 1,
+) -> tuple[ScanMatch, ...]:
+    """Hypotheses of all pairs, in the order of the pairs, each pair's best first."""
+    matches: list[ScanMatch] = []
+    for done, found in enumerate(_matched(pairs, scans, settings, workers), start=1):
+        matches.extend(found)
+        progress("matching scans", done, len(pairs))
+    return tuple(matches)
+
+
+def _matched(
+    pairs: Sequence[Pair],
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+    workers: int,
+) -> Iterator[tuple[ScanMatch, ...]]:
+    if workers == 1 or len(pairs) < _WORTH_PROCESSES:
+        for target, source in pairs:
+            yield match_pair(scans[target], scans[source], settings)
+        return
+    context = get_context("forkserver" if "forkserver" in _start_methods() else "spawn")
+    with ProcessPoolExecutor(workers, context, _keep_in_process, (dict(scans), settings)) as pool:
+        yield from pool.map(_match_in_process, pairs, chunksize=32)
+
+
+def _start_methods() -> list[str]:
+    from multiprocessing import get_all_start_methods
+
+    return get_all_start_methods()
+
+
+_in_process: tuple[Mapping[StationId, ScanIndex], MatchingSettings]
+"""Set once in each worker process, so that scans travel once and not with every pair."""
+
+
+def _keep_in_process(scans: Mapping[StationId, ScanIndex], settings: MatchingSettings) -> None:
+    global _in_process  # noqa: PLW0603 - the only way a pool's initialiser can hand over
+    _in_process = (scans, settings)
+
+
+def _match_in_process(pair: Pair) -> tuple[ScanMatch, ...]:
+    scans, settings = _in_process
+    return match_pair(scans[pair[0]], scans[pair[1]], settings)

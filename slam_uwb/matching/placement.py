@@ -1,0 +1,289 @@
+"""Which matches hold together: place all stations so that the merged map has the most evidence.
+
+Sums of pair scores mislead: a wrong wall is counted once for every scan that saw it. Here every
+wall counts once, however many scans confirm it, and blocks of stations are merged where the gain in
+evidence exceeds that of every other way to merge them by a margin. What no margin supports stays
+apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ..model.geometry import FloatArray, Pose2
+from ..model.products import Progress, ScanMatch, silent
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .batch import compose, invert
+from .index import ScanIndex
+from .refiners.point_to_line import correspondences
+from .score import point_evidence
+
+_STRIDE = 2  # every second point is enough to weigh walls
+_SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
+_DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
+_CANDIDATES = 10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What the other scans of its block say of the points of one scan."""
+
+    hits: FloatArray
+    """(N,) soft number of scans that confirm the point."""
+    best: FloatArray
+    """(N,) how well the best of them does, 0-1."""
+    through: FloatArray
+    """(N,) soft number of scans that looked through it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Stations that hold together."""
+
+    poses: Mapping[StationId, Pose2]
+    """block_T_station; the block's frame is that of its first station."""
+    seen: Mapping[StationId, _Seen]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Merge:
+    """The best way to merge two blocks, and by how much it is the best."""
+
+    a_T_b: FloatArray
+    """(3,)"""
+    gain: float
+    margin: float
+
+
+def place_stations(
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    settings: MatchingSettings,
+    progress: Progress = silent,
+) -> tuple[Block, ...]:
+    """Merge stations into blocks that hold together, the largest first.
+
+    Args:
+        scans: Every station that has one, in the survey's order.
+        hypotheses: All of all pairs.
+        settings: `violation_weight` and `min_margin_m` (metres of wall, each counted once).
+        progress: Told after each merge.
+
+    Returns:
+        Blocks by number of stations, then in the survey's order; a station that nothing holds is a
+        block alone.
+    """
+    blocks = {index: _single(station, scans[station]) for index, station in enumerate(scans)}
+    merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, hypotheses, settings)
+              for pair in combinations(blocks, 2)}  # fmt: skip
+    count = len(blocks)
+    while True:
+        ready = {
+            pair: merge
+            for pair, merge in merges.items()
+            if merge and merge.margin >= settings.min_margin_m
+        }
+        if not ready:
+            break
+        (a, b), merge = max(ready.items(), key=lambda item: (item[1].margin, item[0]))
+        new = max(blocks) + 1
+        merged = _merged(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
+        merges = {pair: kept for pair, kept in merges.items() if not {a, b} & set(pair)}
+        merges |= {
+            (old, new): _best_merge(block, merged, scans, hypotheses, settings)
+            for old, block in blocks.items()
+        }
+        blocks[new] = merged
+        progress("placing stations", count - len(blocks), count - 1)
+    order = {station: index for index, station in enumerate(scans)}
+    return tuple(
+        sorted(
+            blocks.values(), key=lambda block: (-len(block.poses), order[next(iter(block.poses))])
+        )
+    )
+
+
+def _single(station: StationId, scan: ScanIndex) -> Block:
+    zero = np.zeros(len(scan.scan.points[::_STRIDE]))
+    return Block({station: Pose2.identity()}, {station: _Seen(zero, zero, zero)})
+
+
+def _evidence(seen: _Seen, lengths: FloatArray, settings: MatchingSettings) -> FloatArray:
+    """Metres of a scan's wall that hold minus weighted metres looked through; sums over the last axis.
+
+    A wall counts once a scan, by the best of its witnesses and by the share of them that deny it.
+    """
+    denied = seen.through / np.maximum(seen.through + seen.hits, 1e-9)
+    return np.asarray(
+        (seen.best - settings.violation_weight * np.where(seen.through > 0.0, denied, 0.0))
+        @ lengths
+    )
+
+
+def _lengths(scan: ScanIndex) -> FloatArray:
+    return scan.scan.lengths[::_STRIDE] * _STRIDE
+
+
+def _best_merge(
+    a: Block,
+    b: Block,
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    settings: MatchingSettings,
+) -> _Merge | None:
+    """The relative pose of two blocks with the highest gain in evidence; None where no hypothesis joins them."""
+    candidates = _candidates(a, b, hypotheses)
+    if not len(candidates):
+        return None
+    candidates = _align(a, b, candidates, scans)
+    gains = _gains(a, b, candidates, scans, settings)
+    best = int(np.argmax(gains))
+    away = np.hypot(*(candidates[:, :2] - candidates[best, :2]).T)
+    turned = np.abs(
+        np.remainder(candidates[:, 2] - candidates[best, 2] + np.pi, 2.0 * np.pi) - np.pi
+    )
+    rivals = gains[(away > _DISTINCT_M) | (turned > _DISTINCT_RAD)]
+    # To leave them apart is a rival too, with a gain of nothing.
+    margin = gains[best] - max(rivals.max(initial=0.0), 0.0)
+    return _Merge(candidates[best], float(gains[best]), float(margin))
+
+
+def _candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArray:
+    """(K, 3) distinct a_T_b by the hypotheses between their stations, those with most support first."""
+    poses, scores = [], []
+    for match in hypotheses:
+        if match.target in a.poses and match.source in b.poses:
+            a_T_b = a.poses[match.target] @ match.target_T_source @ b.poses[match.source].inverse()
+        elif match.source in a.poses and match.target in b.poses:
+            a_T_b = (
+                a.poses[match.source]
+                @ match.target_T_source.inverse()
+                @ b.poses[match.target].inverse()
+            )
+        else:
+            continue
+        poses.append(a_T_b.vector)
+        scores.append(match.score)
+    if not poses:
+        return np.zeros((0, 3))
+    stack, score = np.array(poses), np.array(scores)
+    # Compare where the blocks' stations come to lie, not the origins: a turn moves distant
+    # stations.
+    centre = np.mean([pose.translation for pose in b.poses.values()], axis=0)
+    place = compose(stack, np.tile([*centre, 0.0], (len(stack), 1)))
+    near = np.hypot(*(place[:, None, :2] - place[None, :, :2]).transpose(2, 0, 1)) < _SAME_M
+    near &= (
+        np.abs(np.remainder(place[:, None, 2] - place[None, :, 2] + np.pi, 2 * np.pi) - np.pi)
+        < _SAME_RAD
+    )
+    support = near @ np.maximum(score, 0.1)
+    chosen: list[int] = []
+    free = np.ones(len(stack), dtype=bool)
+    for index in np.lexsort((np.arange(len(stack)), -score, -np.round(support, 9))):
+        if free[index] and len(chosen) < _CANDIDATES:
+            chosen.append(int(index))
+            free &= ~near[index]
+    return stack[chosen]
+
+
+def _crossing(
+    a: Block, b: Block, candidates: FloatArray
+) -> Iterator[tuple[StationId, StationId, FloatArray, Pose2]]:
+    """Stations i of a and j of b with i_T_j (K, 3) at each candidate a_T_b, and b_T_j."""
+    for j, b_T_j in b.poses.items():
+        a_T_j = compose(candidates, np.tile(b_T_j.vector, (len(candidates), 1)))
+        for i, a_T_i in a.poses.items():
+            yield i, j, compose(np.tile(a_T_i.inverse().vector, (len(candidates), 1)), a_T_j), b_T_j
+
+
+def _align(
+    a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
+) -> FloatArray:
+    """Let the walls of both blocks settle on each other: point-to-line steps over all their scans at once."""
+    for gate in (0.4, 0.2):
+        hessian = np.zeros((len(candidates), 3, 3))
+        gradient = np.zeros((len(candidates), 3))
+        for i, j, i_T_j, b_T_j in _crossing(a, b, candidates):
+            residual, jacobian, weight = correspondences(
+                scans[i], scans[j], i_T_j, gate=gate, stride=_STRIDE
+            )
+            jacobian = jacobian @ b_T_j.inverse().adjoint()
+            weight = weight / (1.0 + (residual / (0.3 * gate)) ** 2)
+            weighted = np.swapaxes(jacobian * weight[:, :, None], 1, 2)
+            hessian += weighted @ jacobian
+            gradient += (weighted @ residual[:, :, None])[:, :, 0]
+        damping = 1e-6 * np.trace(hessian, axis1=1, axis2=2)[:, None, None] + 1e-9
+        step = -np.linalg.solve(hessian + damping * np.eye(3), gradient[:, :, None])[:, :, 0]
+        candidates = compose(candidates, np.clip(step, -0.2, 0.2))
+    return candidates
+
+
+def _cross_seen(
+    a: Block,
+    b: Block,
+    candidates: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> tuple[dict[StationId, _Seen], dict[StationId, _Seen]]:
+    """What the scans of each block say of the points of the other's, with arrays (K, N) over the candidates."""
+    seen_a = {i: _broadcast(seen, len(candidates)) for i, seen in a.seen.items()}
+    seen_b = {j: _broadcast(seen, len(candidates)) for j, seen in b.seen.items()}
+    for i, j, i_T_j, _ in _crossing(a, b, candidates):
+        for seen, key, target, source, pose in (
+            (seen_b, j, i, j, i_T_j),
+            (seen_a, i, j, i, invert(i_T_j)),
+        ):
+            evidence = point_evidence(scans[target], scans[source], pose, settings, _STRIDE)
+            seen[key] = _Seen(
+                seen[key].hits + evidence.hit,
+                np.maximum(seen[key].best, evidence.hit),
+                seen[key].through + evidence.seen_through,
+            )
+    return seen_a, seen_b
+
+
+def _broadcast(seen: _Seen, count: int) -> _Seen:
+    return _Seen(*(np.tile(values, (count, 1)) for values in (seen.hits, seen.best, seen.through)))
+
+
+def _gains(
+    a: Block,
+    b: Block,
+    candidates: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> FloatArray:
+    """(K,) evidence of the merged map minus that of the two blocks apart."""
+    apart = sum(
+        _evidence(seen, _lengths(scans[station]), settings)
+        for block in (a, b)
+        for station, seen in block.seen.items()
+    )
+    together = sum(
+        _evidence(seen, _lengths(scans[station]), settings)
+        for side in _cross_seen(a, b, candidates, scans, settings)
+        for station, seen in side.items()
+    )
+    return np.asarray(together - apart)
+
+
+def _merged(
+    a: Block,
+    b: Block,
+    a_T_b: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> Block:
+    """One block in the frame of `a`."""
+    pose = Pose2.from_vector(a_T_b)
+    seen_a, seen_b = _cross_seen(a, b, a_T_b[None, :], scans, settings)
+    seen = {
+        station: _Seen(values.hits[0], values.best[0], values.through[0])
+        for station, values in (seen_a | seen_b).items()
+    }
+    return Block({**a.poses, **{station: pose @ place for station, place in b.poses.items()}}, seen)

@@ -1,0 +1,28 @@
+"""Refiners: from initial matches to matches, one signature.
+
+``(target, source, initial (K, 3), settings) -> (poses target_T_source (K, 3), converged (K,))``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.geometry import FloatArray
+from ...model.settings import MatchingSettings
+from ..index import ScanIndex
+from .paper_lm import refine_paper_lm
+from .point_to_line import refine_point_to_line
+
+Refiner = Callable[
+    [ScanIndex, ScanIndex, FloatArray, MatchingSettings], tuple[FloatArray, NDArray[np.bool_]]
+]
+
+REFINERS: dict[str, Refiner] = {
+    "paper_lm": refine_paper_lm,
+    "point_to_line": refine_point_to_line,
+}
+
+__all__ = ["REFINERS", "Refiner"]

@@ -1,0 +1,102 @@
+"""What tells a right match from a wrong one: metres of wall confirmed and looked through, both ways.
+
+A wrong pose may bring as many points together as the right one, but then points of one scan lie
+where the other scan looked through: free space is the judge. Walls count by length, not by the
+number of points on them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.geometry import FloatArray
+from ..model.settings import MatchingSettings
+from .batch import invert, transform
+from .index import ScanIndex
+
+_HIT_M = 0.15  # residuals beyond this confirm nothing
+_HIT_SCALE_M = 0.10
+_NEAR_M = 0.30  # a point this near to a wall of the other scan does not lie in its free space
+_AGREE = 0.7  # cosine between normals that face the same way: two faces of one wall do not confirm each other
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointEvidence:
+    """Per candidate pose and point of the moving scan."""
+
+    hit: FloatArray
+    """(K, N) 0-1, how well a wall of the other scan confirms the point."""
+    seen_through: FloatArray
+    """(K, N) 0-1, how clearly the other scan looked through the place of the point."""
+
+
+def point_evidence(
+    target: ScanIndex,
+    source: ScanIndex,
+    poses: FloatArray,
+    settings: MatchingSettings,
+    stride: int = 1,
+) -> PointEvidence:
+    """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3)."""
+    points, normals = source.scan.points[::stride], source.scan.normals[::stride]
+    moved = transform(poses, points)
+    partner = target.nearest(moved)
+    dx = moved[..., 0] - target.scan.points[:, 0].take(partner)
+    dy = moved[..., 1] - target.scan.points[:, 1].take(partner)
+    nx, ny = target.scan.normals[:, 0].take(partner), target.scan.normals[:, 1].take(partner)
+    across = np.abs(nx * dx + ny * dy)
+    near = dx * dx + dy * dy < _NEAR_M**2
+    c, s = np.cos(poses[:, 2:3]), np.sin(poses[:, 2:3])
+    agree = (c * normals[:, 0] - s * normals[:, 1]) * nx + (
+        s * normals[:, 0] + c * normals[:, 1]
+    ) * ny > _AGREE
+    hit = np.where(
+        near & agree & (across < _HIT_M), 1.0 / (1.0 + (across / _HIT_SCALE_M) ** 2), 0.0
+    )
+    depth = (
+        target.free_range(moved)
+        - settings.free_space_margin_m
+        - np.hypot(moved[..., 0], moved[..., 1])
+    )
+    # Ramp: just inside the free space a wall's roughness or a small rotation error is enough of an
+    # explanation.
+    through = np.where(near, 0.0, np.clip(depth / settings.free_space_margin_m, 0.0, 1.0))
+    return PointEvidence(hit, through)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scores:
+    """Metres of wall of both scans together, for K candidate poses."""
+
+    confirmed: FloatArray
+    """(K,) m that the other scan confirms."""
+    through: FloatArray
+    """(K,) m that the other scan looked through."""
+    total: float
+    """m of wall that both scans show."""
+    evidence: FloatArray
+    """(K,) m, confirmed minus `violation_weight` times looked through."""
+
+
+def score_matches(
+    target: ScanIndex,
+    source: ScanIndex,
+    poses: FloatArray,
+    settings: MatchingSettings,
+    stride: int = 1,
+) -> Scores:
+    """Metres of wall confirmed and looked through at poses target_T_source (K, 3), both ways."""
+    forth = point_evidence(target, source, poses, settings, stride)
+    back = point_evidence(source, target, invert(poses), settings, stride)
+    source_lengths = source.scan.lengths[::stride] * stride
+    target_lengths = target.scan.lengths[::stride] * stride
+    confirmed = forth.hit @ source_lengths + back.hit @ target_lengths
+    through = forth.seen_through @ source_lengths + back.seen_through @ target_lengths
+    return Scores(
+        confirmed=confirmed,
+        through=through,
+        total=float(source_lengths.sum() + target_lengths.sum()),
+        evidence=confirmed - settings.violation_weight * through,
+    )

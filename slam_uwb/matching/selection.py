@@ -1,0 +1,155 @@
+"""Which matches are used: the placement of the stations and the reason why each other hypothesis is not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ..model.geometry import Pose2
+from ..model.products import Progress, ScanMatch, silent
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .hypotheses import rematch_pairs
+from .index import ScanIndex
+from .pairs import Pair
+from .placement import place_stations
+
+Adjust = Callable[[Mapping[StationId, Pose2], Sequence[ScanMatch]], dict[StationId, Pose2]]
+"""Moves a placement to where its matches agree best: a pose graph, which another step brings."""
+
+_SAME_M, _SAME_RAD = (
+    0.25,
+    0.1,
+)  # a hypothesis this close to the used match is the same one, less refined
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """What holds together."""
+
+    placement: Mapping[StationId, Pose2]
+    """world_T_station of the largest group, in the frame of its first station."""
+    used: tuple[ScanMatch, ...]
+    """At most one a pair, between stations of the placement."""
+    matches: tuple[ScanMatch, ...]
+    """All hypotheses with rank and reason, the used ones among them."""
+
+
+def select_matches(
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    pairs: Sequence[Pair],
+    settings: MatchingSettings,
+    adjust: Adjust,
+    progress: Progress = silent,
+) -> Selection:
+    """Choose among the hypotheses as `settings.placement` says.
+
+    `evidence`: the largest block of stations that the merged map holds together; all pairs of it
+    that overlap are refined again at the placement, twice, with the pose graph `adjust` in between.
+    `sequence`: the best match of every pair, as the paper uses them.
+    """
+    if settings.placement == "sequence":
+        used = tuple(match for match in hypotheses if match.rank == 0)
+        placement = spanning_placement(tuple(scans), used)
+        used = tuple(match for match in used if match.source in placement)
+        return Selection(placement, used, _with_reasons(hypotheses, used, placement))
+    blocks = place_stations(scans, hypotheses, settings, progress)
+    placement = dict(blocks[0].poses) if blocks else {}
+    used = rematch_pairs(scans, placement, pairs, settings)
+    for _ in range(2):
+        placement = adjust(placement, used)
+        used = rematch_pairs(scans, placement, pairs, settings)
+    placement = _largest_group(placement, used)
+    used = tuple(match for match in used if match.target in placement and match.source in placement)
+    return Selection(placement, used, _with_reasons(hypotheses, used, placement))
+
+
+def spanning_placement(
+    stations: Sequence[StationId], matches: Sequence[ScanMatch]
+) -> dict[StationId, Pose2]:
+    """Poses of the largest group of stations that the matches connect, along the maximum-score spanning tree.
+
+    The frame is that of the group's first station in the order given.
+    """
+    order = {station: index for index, station in enumerate(stations)}
+    group = {station: {station: Pose2.identity()} for station in stations}
+    for match in sorted(
+        matches, key=lambda match: (-match.score, order[match.target], order[match.source])
+    ):
+        a, b = group[match.target], group[match.source]
+        if a is b:
+            continue
+        a_T_b = a[match.target] @ match.target_T_source @ b[match.source].inverse()
+        a.update({station: a_T_b @ pose for station, pose in b.items()})
+        group.update(dict.fromkeys(b, a))
+    return _in_first_frame(
+        max(group.values(), key=lambda poses: (len(poses), -min(order[s] for s in poses))), order
+    )
+
+
+def _largest_group(
+    placement: Mapping[StationId, Pose2], used: Sequence[ScanMatch]
+) -> dict[StationId, Pose2]:
+    """Those stations of a placement that the used matches still connect; two at least, or none."""
+    stations = tuple(placement)
+    connected = spanning_placement(stations, used) if stations else {}
+    order = {station: index for index, station in enumerate(stations)}
+    return _in_first_frame({station: placement[station] for station in connected}, order)
+
+
+def _in_first_frame(
+    poses: Mapping[StationId, Pose2], order: Mapping[StationId, int]
+) -> dict[StationId, Pose2]:
+    stations = sorted(poses, key=order.__getitem__)
+    first_T_world = poses[stations[0]].inverse() if stations else Pose2.identity()
+    return {station: first_T_world @ poses[station] for station in stations}
+
+
+def _with_reasons(
+    hypotheses: Sequence[ScanMatch], used: Sequence[ScanMatch], placement: Mapping[StationId, Pose2]
+) -> tuple[ScanMatch, ...]:
+    """All hypotheses pair by pair; the used match takes the place and rank of the hypothesis that it came from."""
+    by_pair: dict[Pair, list[ScanMatch]] = {}
+    for match in hypotheses:
+        by_pair.setdefault((match.target, match.source), []).append(match)
+    chosen = {(match.target, match.source): match for match in used}
+    pairs = [*by_pair, *(pair for pair in chosen if pair not in by_pair)]
+    return tuple(
+        row
+        for pair in pairs
+        for row in _pair_rows(by_pair.get(pair, []), chosen.get(pair), placement)
+    )
+
+
+def _pair_rows(
+    found: Sequence[ScanMatch], used: ScanMatch | None, placement: Mapping[StationId, Pose2]
+) -> list[ScanMatch]:
+    origin = None
+    if used is not None:
+        # A used match may come from no hypothesis: the placement brought the scans together.
+        origin = next((h.rank for h in found if _same(h, used)), len(found))
+    rows = [
+        replace(h, rejection=_reason(h, used, placement)) for h in found if h.rank != origin
+    ] + ([replace(used, rank=origin)] if used is not None and origin is not None else [])
+    return sorted(rows, key=lambda match: match.rank)
+
+
+def _same(a: ScanMatch, b: ScanMatch) -> bool:
+    return (
+        a.target_T_source.distance_to(b.target_T_source) < _SAME_M
+        and a.target_T_source.angle_to(b.target_T_source) < _SAME_RAD
+    )
+
+
+def _reason(
+    hypothesis: ScanMatch, used: ScanMatch | None, placement: Mapping[StationId, Pose2]
+) -> str:
+    missing = [s for s in (hypothesis.target, hypothesis.source) if s not in placement]
+    if missing:
+        return f"{missing[0]} is not placed"
+    if used is not None:
+        return "another hypothesis of the pair is used"
+    placed = placement[hypothesis.target].inverse() @ placement[hypothesis.source]
+    near = hypothesis.target_T_source.distance_to(placed) < _SAME_M
+    return "too little overlap" if near else "disagrees with the merged map"

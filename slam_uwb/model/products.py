@@ -1,0 +1,137 @@
+"""What one step hands to the next.
+
+**Covariance convention, stated once:** order (x, y, theta), tangent space at the estimate,
+expressed in the *source* station's axes: what ``BetweenFactorPose2(target, source, target_T_source,
+noise)`` expects, so nothing is rotated on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from .geometry import FloatArray, Matrix3, Points, Pose2, frozen_array
+from .survey import Anchor, AnchorId, RangeOffset, Station, StationId
+
+Progress = Callable[[str, int, int], None]
+"""Called with (what is being done, how many done, how many in all)."""
+
+
+def silent(_what: str, _done: int, _total: int) -> None:
+    """Report nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedScan:
+    """One scan reduced to one point an angle bin, with what matching and mapping need; scanner's frame."""
+
+    station: StationId
+    points: Points
+    """(N, 2) m, ordered by bearing."""
+    normals: Points
+    """(N, 2) unit, towards the scanner; zero where there are too few neighbours for one."""
+    normal_variance: FloatArray
+    """(N,) variance of the wall's slope at the point; infinite where there is no normal."""
+    lengths: FloatArray
+    """(N,) m of wall that the point stands for (half the gaps to its neighbours, capped)."""
+    segments: FloatArray
+    """(S, 2, 2) m, wall segments as end points, by bearing."""
+    landmarks: Points
+    """(L, 2) m, intersections of wall lines, virtual ones included (paper, Algorithm 2)."""
+    free_ranges: FloatArray
+    """(B,) m looked through in B equal sectors, sector k about bearing 2 pi (k + 0.5) / B - pi; 0 = unknown."""
+    noise: float
+    """m, standard deviation of a point's range after the reduction, seen in the scan itself."""
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        shapes = {
+            "points": (None, 2), "normals": (count, 2), "normal_variance": (count,), "lengths": (count,),
+            "segments": (None, 2, 2), "landmarks": (None, 2), "free_ranges": (None,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanMatch:
+    """One hypothesis of how two scans lie to each other."""
+
+    target: StationId
+    """Station m of matches.csv."""
+    source: StationId
+    """Station n of matches.csv."""
+    target_T_source: Pose2
+    covariance: Matrix3
+    """(3, 3) in the source's axes; see the module docstring."""
+    overlap: float
+    """Share of the walls of both scans that the other one confirms, 0-1."""
+    violation: float
+    """Share of the walls of both scans that the other one looked through, 0-1."""
+    score: float
+    """Evidence: metres of wall confirmed minus weighted metres looked through; higher is better."""
+    rank: int
+    """0 is the pair's best."""
+    degenerate: bool = False
+    """True where the walls leave a direction free (a corridor's long axis)."""
+    rejection: str | None = None
+    """Why it is not used; None where it is."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", frozen_array(self.covariance, (3, 3), "covariance"))
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMeasurement:
+    """All ranges of one station and one anchor as one measurement."""
+
+    station: StationId
+    anchor: AnchorId
+    distance: float
+    """m, slant; robust location of the samples; NaN where no sample is usable."""
+    mean: float
+    """m, plain average of the usable samples (the paper's averaged value)."""
+    sigma: float
+    """m; what the link's constant error deserves, not divided by the number of samples."""
+    samples: int
+    """How many were usable."""
+    discarded: int = 0
+    """How many were negative, non-finite or absurdly long."""
+    residual: float = float("nan")
+    """m, measured minus predicted: a range made long by a wall is positive. NaN before the solution."""
+    walls: float = float("nan")
+    """Expected number of walls crossed; NaN where unknown."""
+    nlos_probability: float = float("nan")
+    """0-1; NaN where unknown."""
+    rejection: str | None = None
+    """Why it is not used; None where it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnchorLink:
+    """All ranges between two anchors as one measurement."""
+
+    anchor_a: AnchorId
+    anchor_b: AnchorId
+    distance: float
+    """m, slant."""
+    sigma: float
+    """m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraphProblem:
+    """What the solvers of `graph` are given."""
+
+    stations: tuple[Station, ...]
+    """All of the survey, in its order; solvers do not look at their scans."""
+    anchors: tuple[Anchor, ...]
+    matches: tuple[ScanMatch, ...]
+    """Those that hold together: rejection is None, at most one a pair."""
+    placement: Mapping[StationId, Pose2]
+    """world_T_station of the group that holds together, in the frame of its first station: the start."""
+    links: tuple[LinkMeasurement, ...]
+    anchor_links: tuple[AnchorLink, ...] = ()
+    tag_offset: tuple[float, float] = (0.0, 0.0)
+    range_offset: RangeOffset | None = None
+    sequence: tuple[tuple[StationId, StationId], ...] | None = None

@@ -1,0 +1,274 @@
+"""Every knob of the method on one page: default, unit (in the name), limits and the reason.
+
+Settings are frozen, refuse unknown keys at every level and are tuned by file only (``--settings
+FILE``). `PRESETS` holds named sets; ``paper`` is what Kolakowski et al. 2020 print.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from .errors import SettingsError
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ScanSettings(_Section):
+    """One recording -> one point an angle bin, normals, wall segments, landmarks."""
+
+    bin_deg: float = Field(
+        1.0, gt=0.0, le=10.0, description="angle bin whose samples are reduced to their median"
+    )
+    min_return_share: float = Field(
+        0.5, ge=0.0, le=1.0, description="a bin with fewer returns among its samples is no return"
+    )
+    neighbour_gap_m: float = Field(
+        0.3,
+        gt=0.0,
+        description="points of neighbouring bins further apart do not belong to one wall",
+    )
+    split_distance_m: float = Field(
+        0.06,
+        gt=0.0,
+        description="a point further from the chord splits a wall (above the scanner's noise)",
+    )
+    min_segment_length_m: float = Field(
+        0.3, gt=0.0, description="shorter segments are clutter (paper, III.A)"
+    )
+    min_segment_points: int = Field(4, ge=2, description="fewer points do not make a wall")
+    min_intersection_deg: float = Field(
+        20.0,
+        gt=0.0,
+        le=90.0,
+        description="flatter intersections of wall lines are too uncertain for landmarks",
+    )
+    max_landmark_range_m: float = Field(
+        25.0, gt=0.0, description="virtual intersections further off are dropped"
+    )
+    cluster_distance_m: float = Field(
+        0.3, gt=0.0, description="landmarks closer than this are one (Algorithm 2)"
+    )
+    normal_radius_m: float = Field(
+        0.3, gt=0.0, description="neighbours that define the normal of a point"
+    )
+    max_point_length_m: float = Field(
+        0.25,
+        gt=0.0,
+        description="a point stands for at most this much wall, however sparse the scan is there",
+    )
+
+
+class MatchingSettings(_Section):
+    """Two scans -> relative poses."""
+
+    pairs: Literal["all", "sequence"] = Field("all", description="which pairs are tried")
+    initialiser: Literal["correlative", "landmark"] = Field(
+        "correlative",
+        description="how initial matches are found; `landmark` is the paper's Algorithm 3",
+    )
+    refiner: Literal["point_to_line", "paper_lm"] = Field(
+        "point_to_line", description="how they are refined; `paper_lm` is the paper's Algorithm 4"
+    )
+    ranking: Literal["evidence", "closest_points"] = Field(
+        "evidence",
+        description="what makes a match the best of a pair: walls confirmed and looked through, both "
+        "ways, or the paper's number of points with a closest point nearer than "
+        "closest_point_m",
+    )
+    placement: Literal["evidence", "sequence"] = Field(
+        "evidence",
+        description="which matches are used: those that agree with the merged map, or every best one (the "
+        "paper)",
+    )
+    landmark_side_m: float = Field(
+        0.1,
+        gt=0.0,
+        description="largest difference of corresponding triangle sides (paper, Algorithm 3)",
+    )
+    max_triples: int = Field(
+        200_000,
+        ge=1,
+        description="corresponding triples looked at a pair; evenly thinned beyond (time and memory)",
+    )
+    closest_point_m: float = Field(
+        0.4, gt=0.0, description="d_max of the paper's Algorithms 3 and 4"
+    )
+    initial_matches: int = Field(
+        24, ge=1, description="initial matches handed to the refiner; the paper's is 5"
+    )
+    hypotheses: int = Field(8, ge=1, description="refined matches kept a pair")
+    correlation_cell_m: float = Field(
+        0.18,
+        gt=0.0,
+        description="grid of the correlation; coarser is faster and finds more (registration study)",
+    )
+    correlation_radius_m: float = Field(
+        12.0, gt=0.0, description="walls further from the scanner are left out of it"
+    )
+    free_space_margin_m: float = Field(
+        0.25,
+        gt=0.0,
+        description="free space ends this far before the nearest return of the neighbouring beams",
+    )
+    fine_gate_m: float = Field(
+        0.2, gt=0.0, description="last stage of the refiner: points further apart do not pair"
+    )
+    violation_weight: float = Field(
+        1.5,
+        ge=0.0,
+        description="how many metres of confirmed wall one metre looked through outweighs",
+    )
+    min_evidence_m: float = Field(
+        1.0, description="hypotheses with less evidence (metres of wall of both scans) are not kept"
+    )
+    min_margin_m: float = Field(
+        1.5,
+        gt=0.0,
+        description="stations are placed where the evidence (metres of wall, each once) exceeds that of "
+        "every other place by this",
+    )
+    min_overlap: float = Field(
+        0.25,
+        ge=0.0,
+        le=1.0,
+        description="pairs that confirm less of each other do not enter the graph",
+    )
+    sigma_floor_m: float = Field(
+        0.01,
+        ge=0.0,
+        description="least standard deviation of a match: tilt, people, glass (not in the Hessian)",
+    )
+    sigma_floor_deg: float = Field(0.15, ge=0.0, description="the same for its heading")
+
+
+class RangingSettings(_Section):
+    """Range samples -> one measurement a link."""
+
+    max_range_m: float = Field(
+        1000.0, gt=0.0, description="longer samples are absurd: kept, counted, not used"
+    )
+    sample_sigma_m: float = Field(
+        0.025, gt=0.0, description="jitter of one sample within a link (real EVK1000 links)"
+    )
+    link_sigma_m: float = Field(
+        0.10,
+        gt=0.0,
+        description="standard deviation of the constant error of a link in line of sight",
+    )
+    two_way: Literal["asymmetric", "symmetric"] = Field(
+        "asymmetric",
+        description="periods -> distance; `symmetric` is the paper's eq. 2, biased where the two replies "
+        "differ",
+    )
+
+
+class GraphSettings(_Section):
+    """Matches and links -> poses and anchors."""
+
+    mode: Literal["joint", "sequential"] = Field(
+        "joint", description="`sequential` is the paper's method"
+    )
+    offset_mean_m: float = Field(
+        0.18,
+        description="prior of the offset common to all ranges where the survey states none: uncalibrated "
+        "radios",
+    )
+    offset_sigma_m: float = Field(0.10, gt=0.0, description="its standard deviation")
+    nlos_scale: float = Field(
+        1.0,
+        gt=0.0,
+        description="one-sided Cauchy loss: longer ranges lose weight beyond this many sigmas",
+    )
+    min_stations: int = Field(
+        3, ge=3, description="an anchor enters when this many stations not in line see it"
+    )
+    min_singular_ratio: float = Field(
+        0.10,
+        ge=0.0,
+        le=1.0,
+        description="stations whose spread across their line is smaller are in line",
+    )
+    mirror_cost_gap: float = Field(
+        3.0,
+        ge=0.0,
+        description="a second place within this much cost (negative log likelihood) is not excluded",
+    )
+    weak_sigma_m: float = Field(
+        0.5, gt=0.0, description="an anchor with a larger standard deviation is weak-geometry"
+    )
+    max_passes: int = Field(100, ge=1, description="outer passes of re-weighting")
+    tolerance_m: float = Field(1e-6, gt=0.0, description="passes end when nothing moves further")
+
+
+class MappingSettings(_Section):
+    """Scans and poses -> floor map."""
+
+    resolution_m: float = Field(0.05, gt=0.0, description="edge of a cell")
+    margin_m: float = Field(0.5, ge=0.0, description="unknown border round everything seen")
+    hit_log_odds: float = Field(
+        3.0,
+        gt=0.0,
+        description="what one scan that sees a wall adds to a cell; it outweighs one that passed: poses "
+        "err",
+    )
+    free_log_odds: float = Field(
+        -1.5,
+        lt=0.0,
+        description="what one scan that looks through adds; one tripod recording makes a cell free",
+    )
+    max_log_odds: float = Field(
+        5.0, gt=0.0, description="more evidence does not make a cell more certain"
+    )
+    max_cells: int = Field(
+        20_000_000,
+        ge=1,
+        description="a larger map gets resolution_m doubled until it fits (memory: 32 bytes a cell)",
+    )
+
+
+class Settings(_Section):
+    """All sections."""
+
+    scan: ScanSettings = ScanSettings()
+    matching: MatchingSettings = MatchingSettings()
+    ranging: RangingSettings = RangingSettings()
+    graph: GraphSettings = GraphSettings()
+    mapping: MappingSettings = MappingSettings()
+
+
+PRESETS: dict[str, Settings] = {
+    "default": Settings(),
+    "paper": Settings(
+        matching=MatchingSettings(
+            initialiser="landmark",
+            refiner="paper_lm",
+            ranking="closest_points",
+            placement="sequence",
+            initial_matches=5,
+            hypotheses=5,
+        ),
+        ranging=RangingSettings(two_way="symmetric"),
+    ),
+}
+
+
+def settings_from_mapping(mapping: dict[str, Any]) -> Settings:
+    """Settings from a nested mapping of what differs from the defaults.
+
+    Raises:
+        SettingsError: names every bad key, its value and the limit.
+    """
+    try:
+        return Settings.model_validate(mapping)
+    except ValidationError as error:
+        problems = [
+            (".".join(map(str, e["loc"])), f"{e['msg']} (given: {e['input']!r})")
+            for e in error.errors()
+        ]
+        first_key, first = problems[0]
+        rest = "".join(f"\nsettings: {key}: {problem}" for key, problem in problems[1:])
+        raise SettingsError(first_key, first + rest) from None

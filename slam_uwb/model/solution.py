@@ -1,0 +1,169 @@
+"""What is delivered: places with uncertainty and status, the map, and everything that led there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from .geometry import FloatArray, Grid, Matrix2, Matrix3, Pose2, Vector2, frozen_array
+from .products import LinkMeasurement, ScanMatch
+from .settings import Settings
+from .survey import AnchorId, Scan, StationId
+
+
+class Status(StrEnum):
+    """`ok`, or the reason why a value is not to be trusted."""
+
+    OK = "ok"
+    AMBIGUOUS = "ambiguous"
+    """Other places explain the data nearly as well; place empty, candidates in alternatives.csv."""
+    MIRROR_AMBIGUOUS = "mirror-ambiguous"
+    """The mirror image across the line of stations is not excluded."""
+    WEAK_GEOMETRY = "weak-geometry"
+    """A place, but with a large covariance or an unmeasured height."""
+    UNREACHABLE = "unreachable"
+    """Heard from fewer than three stations."""
+    DISCONNECTED = "disconnected"
+    """Nothing holds it to the group that was solved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Another place that the data do not exclude."""
+
+    x: float
+    y: float
+    theta: float | None
+    """rad; None for an anchor."""
+    weight: float
+    """Share of belief, 0-1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StationEstimate:
+    """Where a tripod stood."""
+
+    id: StationId
+    pose: Pose2 | None
+    """world_T_station; None where it could not be found."""
+    covariance: Matrix3 | None
+    """(3, 3) in the station's axes, order (x, y, theta)."""
+    status: Status
+    heading_known: bool = True
+    """False where no scan and no survey fixes the heading: `yaw_deg` is then empty."""
+    alternatives: tuple[Alternative, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None:
+            object.__setattr__(
+                self, "covariance", frozen_array(self.covariance, (3, 3), "covariance")
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AnchorEstimate:
+    """Where an anchor is."""
+
+    id: AnchorId
+    position: Vector2 | None
+    """(2,) m in the world frame; None where it could not be found."""
+    covariance: Matrix2 | None
+    """(2, 2) m^2 in the world's axes."""
+    height: float | None
+    """m, as measured by hand (or estimated where nobody did)."""
+    stations: int
+    """How many stations' links were used."""
+    status: Status
+    alternatives: tuple[Alternative, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.position is not None:
+            object.__setattr__(self, "position", frozen_array(self.position, (2,), "position"))
+        if self.covariance is not None:
+            object.__setattr__(
+                self, "covariance", frozen_array(self.covariance, (2, 2), "covariance")
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Bias:
+    """An estimated constant of the ranges with its prior."""
+
+    name: str
+    mean: float
+    """m."""
+    sigma: float
+    """m."""
+    prior_mean: float
+    prior_sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class SolverChecks:
+    """How far the solver's answer can be confirmed by another way to it."""
+
+    isam2_batch_gap: float
+    """m, largest distance of a station or anchor between iSAM2 and batch Levenberg-Marquardt."""
+    iterations: int
+    """Outer passes until nothing moved."""
+    cost: float
+    """Half the sum of squared whitened residuals at the solution."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraphEstimate:
+    """What a solver of `graph` returns; every station and anchor of the problem has its entry."""
+
+    stations: tuple[StationEstimate, ...]
+    anchors: tuple[AnchorEstimate, ...]
+    links: tuple[LinkMeasurement, ...]
+    """Those of the problem with residual and rejection filled in."""
+    frame: str
+    """`site`, or the identifier of the station whose frame the world is."""
+    biases: tuple[Bias, ...] = ()
+    joint_names: tuple[str, ...] = ()
+    """Order of the joint covariance: station identifiers (3 rows each), then anchors (2 rows each)."""
+    joint_covariance: FloatArray | None = None
+    """(M, M), stations in their own axes."""
+    checks: SolverChecks | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorMap:
+    """Occupancy grid in the world frame."""
+
+    occupancy: Grid
+    """(H, W) probability that the cell is occupied, 0-1; NaN = never seen. Row 0 at the smallest y."""
+    resolution: float
+    """m a cell."""
+    origin: tuple[float, float]
+    """m, world place of the lower left corner of cell (0, 0)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Everything that `solve_survey` found."""
+
+    survey_name: str
+    checksum: str
+    mode: str
+    settings: Settings
+    software_version: str
+    frame: str
+    """`site`, or the identifier of the station whose frame the world is."""
+    stations: tuple[StationEstimate, ...]
+    anchors: tuple[AnchorEstimate, ...]
+    matches: tuple[ScanMatch, ...]
+    """All hypotheses, the rejected too."""
+    links: tuple[LinkMeasurement, ...]
+    """All links, the rejected too."""
+    biases: tuple[Bias, ...]
+    joint_names: tuple[str, ...]
+    joint_covariance: FloatArray | None
+    checks: SolverChecks | None
+    floor_map: FloorMap | None
+    scans: Mapping[StationId, Scan]
+    """Reduced to one sample an angle bin: enough to draw and to continue from."""
+    tag_offset: tuple[float, float] = (0.0, 0.0)
+    warnings: tuple[str, ...] = ()

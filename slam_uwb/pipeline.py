@@ -1,0 +1,90 @@
+"""The whole method on one page: a survey in, a solution out."""
+
+from __future__ import annotations
+
+from ._version import __version__
+from .graph import SOLVERS, adjust_placement
+from .mapping import build_floor_map
+from .matching import candidate_pairs, index_scans, match_pairs, select_matches
+from .model.products import GraphProblem, Progress, silent
+from .model.settings import Settings
+from .model.solution import Solution
+from .model.survey import Survey
+from .ranging import reduce_anchor_links, reduce_links
+from .scan import prepare_scan, reduce_scan
+
+
+def solve_survey(
+    survey: Survey,
+    settings: Settings | None = None,
+    *,
+    use_ranges: bool = True,
+    progress: Progress = silent,
+    workers: int = 1,
+) -> Solution:
+    """Estimate the floor map, the stations' poses and the anchors' places of one survey.
+
+    Args:
+        survey: What was measured.
+        settings: Knobs of all steps; the defaults where None.
+        use_ranges: False leaves the UWB ranges out: poses and map from the scans alone.
+        progress: Called with what is being done, how much of it is done, and how much there is.
+        workers: Processes that match scans; the result does not depend on it.
+
+    Returns:
+        Places with covariances in the frame of the first placed station, or the site's where
+        control points fix it.
+
+    Raises:
+        DisconnectedSurveyError: no two stations hold together and no site frame exists.
+        SettingsError: a sequence is wanted and the survey has none.
+    """
+    settings = settings or Settings()
+    scans = {station.id: station.scan for station in survey.stations if station.scan is not None}
+    prepared = {
+        station: prepare_scan(station, scan, settings.scan) for station, scan in scans.items()
+    }
+    indexed = index_scans(prepared, settings.matching)
+    pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching)
+    hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
+    selection = select_matches(
+        indexed, hypotheses, pairs, settings.matching, adjust_placement, progress
+    )
+    problem = GraphProblem(
+        stations=survey.stations,
+        anchors=survey.anchors,
+        matches=selection.used,
+        placement=selection.placement,
+        links=reduce_links(survey, settings.ranging) if use_ranges else (),
+        anchor_links=reduce_anchor_links(survey, settings.ranging) if use_ranges else (),
+        tag_offset=survey.tag_offset,
+        range_offset=survey.range_offset,
+        sequence=survey.sequence,
+    )
+    progress("estimating poses and anchors", 0, 1)
+    estimate = SOLVERS[settings.graph.mode](problem, settings.graph)
+    progress("estimating poses and anchors", 1, 1)
+    poses = {
+        station.id: station.pose
+        for station in estimate.stations
+        if station.pose and station.id in prepared
+    }
+    return Solution(
+        survey_name=survey.name,
+        checksum=survey.checksum,
+        mode=settings.graph.mode,
+        settings=settings,
+        software_version=__version__,
+        frame=estimate.frame,
+        stations=estimate.stations,
+        anchors=estimate.anchors,
+        matches=selection.matches,
+        links=estimate.links,
+        biases=estimate.biases,
+        joint_names=estimate.joint_names,
+        joint_covariance=estimate.joint_covariance,
+        checks=estimate.checks,
+        floor_map=build_floor_map(prepared, poses, settings.mapping) if poses else None,
+        scans={station: reduce_scan(scan, settings.scan) for station, scan in scans.items()},
+        tag_offset=survey.tag_offset,
+    )

@@ -1,0 +1,98 @@
+"""Wall segments: split the angle-ordered points, fit each part by least squares (paper, Algorithm 2, line 1).
+
+The paper fits slope and intercept, which fails on walls along y; total least squares is the same
+for every direction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..model.geometry import FloatArray, Points
+from ..model.settings import ScanSettings
+
+
+def extract_segments(
+    points: Points, gaps: FloatArray, settings: ScanSettings
+) -> tuple[FloatArray, list[np.ndarray]]:
+    """Straight wall segments of one scan.
+
+    Args:
+        points: (N, 2) m, ordered by bearing all the way round.
+        gaps: (N,) m; a point further than this from the next one ends a wall there.
+        settings: Split distance, least length and number of points.
+
+    Returns:
+        (S, 2, 2) end points by bearing, and for each segment the indices of its points.
+    """
+    runs = _runs(points, gaps)
+    parts = [part for run in runs for part in _split(points, run, settings.split_distance_m)]
+    segments, members = [], []
+    for part in parts:
+        if len(part) < settings.min_segment_points:
+            continue
+        segment = _fit_segment(points[part])
+        if np.linalg.norm(segment[1] - segment[0]) >= settings.min_segment_length_m:
+            segments.append(segment)
+            members.append(part)
+    return np.array(segments).reshape(-1, 2, 2), members
+
+
+def segment_noise(points: Points, segments: FloatArray, members: list[np.ndarray]) -> float:
+    """Robust standard deviation of the points about their walls, m; 0.02 where the scan has no wall."""
+    if not members:
+        return 0.02
+    distances = []
+    for (start, end), part in zip(segments, members, strict=True):
+        direction = (end - start) / np.linalg.norm(end - start)
+        offset = points[part] - start
+        distances.append(offset[:, 0] * direction[1] - offset[:, 1] * direction[0])
+    return float(1.4826 * np.median(np.abs(np.concatenate(distances))))
+
+
+def _runs(points: Points, gaps: FloatArray) -> list[np.ndarray]:
+    """Indices of points that follow each other without a gap; a run may cross the seam of the bearings."""
+    count = len(points)
+    if count < 2:
+        return []
+    following = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    ends = np.flatnonzero(following > np.maximum(gaps, np.roll(gaps, -1)))
+    # Start behind a gap, so that no wall is cut at the seam; a scan without any gap starts at its
+    # widest one.
+    first = (ends[0] if len(ends) else int(np.argmax(following))) + 1
+    order = (np.arange(count) + first) % count
+    cuts = np.flatnonzero(np.isin(order, ends))[:-1] + 1 if len(ends) else np.array([], dtype=int)
+    return np.split(order, cuts)
+
+
+def _split(points: Points, run: np.ndarray, distance: float) -> list[np.ndarray]:
+    """Iterative end-point fit: split at the point furthest from the chord until every part is straight."""
+    parts, open_parts = [], [run]
+    while open_parts:
+        part = open_parts.pop()
+        if len(part) < 3:
+            parts.append(part)
+            continue
+        start, end = points[part[0]], points[part[-1]]
+        chord = end - start
+        offset = points[part] - start
+        length = float(np.hypot(*chord))
+        away = (
+            np.abs(offset[:, 0] * chord[1] - offset[:, 1] * chord[0]) / length
+            if length > distance
+            else np.hypot(offset[:, 0], offset[:, 1])  # a run that ends where it began has no chord
+        )
+        corner = int(np.argmax(away[1:-1])) + 1
+        if away[corner] <= distance:
+            parts.append(part)
+        else:
+            open_parts += [part[corner:], part[: corner + 1]]
+    return parts
+
+
+def _fit_segment(points: Points) -> FloatArray:
+    """(2, 2) end points of the total-least-squares line through `points`, as far as the first and last reach."""
+    centre = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - centre, full_matrices=False)
+    along = (points[[0, -1]] - centre) @ axes[0]
+    return np.asarray(centre + along[:, None] * axes[0])

@@ -1,0 +1,155 @@
+"""Reduce a recording to one point an angle bin and describe the points (paper, III.A, Algorithm 1, lines 2-4)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..model.geometry import FloatArray, Points
+from ..model.products import PreparedScan
+from ..model.settings import ScanSettings
+from ..model.survey import Scan, StationId
+from .landmarks import extract_landmarks
+from .lines import extract_segments, segment_noise
+
+_SURFACE_GAP_M = (
+    0.1  # the two middle samples of a bin further apart than this are two surfaces, not noise
+)
+
+
+def reduce_scan(scan: Scan, settings: ScanSettings) -> Scan:
+    """One sample an angle bin: median bearing and median range of the returns in it.
+
+    A bin in which fewer than `min_return_share` of the samples came back is no return (its range is
+    NaN, its bearing the median of all its samples). Bins without any sample are absent. Where the
+    middle of a bin falls between two surfaces the nearer is taken: a mean would be a point where
+    nothing is.
+
+    Returns:
+        A scan ordered by bearing in (-pi, pi].
+    """
+    width = math.radians(settings.bin_deg)
+    bearings = -np.remainder(math.pi - scan.bearings, 2.0 * math.pi) + math.pi
+    bins = np.minimum(
+        ((bearings + math.pi) / width).astype(np.int64), math.ceil(2.0 * math.pi / width) - 1
+    )
+    ranges = np.where((scan.ranges > 0.0) & (scan.ranges <= scan.max_range), scan.ranges, np.nan)
+    returned = ~np.isnan(ranges)
+    used, bins = np.unique(bins, return_inverse=True)
+    samples = np.bincount(bins, minlength=len(used))
+    returns = np.bincount(bins, weights=returned, minlength=len(used)).astype(np.int64)
+
+    # Bearings of the returns alone describe the point; of a bin without returns all samples count.
+    relevant = returned | (returns == 0)[bins]
+    median_bearing = _grouped_median(bearings[relevant], bins[relevant], len(used), gap=math.inf)
+    median_range = np.full(len(used), np.nan)
+    filled = returns > 0
+    median_range[filled] = _grouped_median(
+        ranges[returned], bins[returned], len(used), gap=_SURFACE_GAP_M
+    )[filled]
+    median_range[returns < settings.min_return_share * samples] = np.nan
+    return Scan(median_bearing, median_range, scan.max_range)
+
+
+def _grouped_median(values: FloatArray, groups: np.ndarray, count: int, gap: float) -> FloatArray:
+    """(count,) median of `values` by group; of two middle values further than `gap` apart the smaller."""
+    order = np.lexsort((values, groups))
+    ordered = values[order]
+    sizes = np.bincount(groups, minlength=count)
+    starts = np.concatenate(([0], np.cumsum(sizes)[:-1]))
+    last = max(len(values) - 1, 0)
+    if not len(values):
+        return np.full(count, np.nan)
+    low = ordered[np.minimum(starts + np.maximum(sizes - 1, 0) // 2, last)]
+    high = ordered[np.minimum(starts + sizes // 2, last)]
+    return np.asarray(np.where(high - low <= gap, 0.5 * (low + high), low))
+
+
+def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> PreparedScan:
+    """Points, normals, wall segments, landmarks and free space of one recording, in the scanner's frame.
+
+    Args:
+        station: Where it was taken.
+        scan: Raw recording, or one that `reduce_scan` already reduced (reducing twice changes
+            nothing).
+        settings: Bins, gaps and lengths.
+    """
+    reduced = reduce_scan(scan, settings)
+    seen = ~np.isnan(reduced.ranges)
+    bearings, ranges = reduced.bearings[seen], reduced.ranges[seen]
+    points = ranges[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    bin_width = math.radians(settings.bin_deg)
+    gaps = np.maximum(settings.neighbour_gap_m, 3.0 * ranges * bin_width)
+    segments, members = extract_segments(points, gaps, settings)
+    noise = segment_noise(points, segments, members)
+    normals, variance = _normals(points, ranges, noise, settings)
+    return PreparedScan(
+        station=station,
+        points=points,
+        normals=normals,
+        normal_variance=variance,
+        lengths=_arc_lengths(points, settings.max_point_length_m),
+        segments=segments,
+        landmarks=extract_landmarks(segments, settings),
+        free_ranges=_free_ranges(bearings, ranges, settings),
+        noise=noise,
+    )
+
+
+def _normals(
+    points: Points, ranges: FloatArray, noise: float, settings: ScanSettings
+) -> tuple[Points, FloatArray]:
+    """Unit normals towards the scanner (N, 2) and the variance of the wall's slope (N,), by local PCA.
+
+    The variance is that of library practice for total least squares: residual variance over the
+    spread along the wall. Points far from the scanner are sparse, so their neighbourhood grows with
+    the distance of the bins.
+    """
+    count = len(points)
+    if count == 0:
+        return np.zeros((0, 2)), np.zeros(0)
+    radius = np.maximum(settings.normal_radius_m, 2.5 * ranges * math.radians(settings.bin_deg))
+    offsets = points[None, :, :] - points[:, None, :]
+    near = (np.einsum("ijk,ijk->ij", offsets, offsets) <= (radius**2)[:, None]).astype(np.float64)
+    k = near.sum(axis=1)
+    mean = np.einsum("ij,ijk->ik", near, offsets) / k[:, None]
+    xx = np.einsum("ij,ij->i", near, offsets[:, :, 0] ** 2) - k * mean[:, 0] ** 2
+    yy = np.einsum("ij,ij->i", near, offsets[:, :, 1] ** 2) - k * mean[:, 1] ** 2
+    xy = (
+        np.einsum("ij,ij->i", near, offsets[:, :, 0] * offsets[:, :, 1])
+        - k * mean[:, 0] * mean[:, 1]
+    )
+    # Closed-form eigenvalues of the 2 x 2 scatter; the normal belongs to the smaller.
+    half_gap = np.hypot(0.5 * (xx - yy), xy)
+    large = 0.5 * (xx + yy) + half_gap
+    small = np.maximum(0.5 * (xx + yy) - half_gap, 0.0)
+    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    normals = np.column_stack([np.cos(angle), np.sin(angle)])
+    normals *= np.where(np.einsum("ij,ij->i", normals, points) > 0.0, -1.0, 1.0)[:, None]
+    enough = (k >= 4) & (large > 0.0)
+    variance = np.full(count, np.inf)
+    variance[enough] = np.maximum(small[enough] / (k[enough] - 2.0), noise**2) / large[enough]
+    normals[~enough] = 0.0
+    return normals, variance
+
+
+def _arc_lengths(points: Points, cap: float) -> FloatArray:
+    """(N,) metres of wall a point stands for: half the gaps to its neighbours in bearing order, each capped."""
+    if len(points) < 2:
+        return np.full(len(points), cap)
+    gaps = np.minimum(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1), cap)
+    return np.asarray(0.5 * (gaps + np.roll(gaps, 1)))
+
+
+def _free_ranges(bearings: FloatArray, ranges: FloatArray, settings: ScanSettings) -> FloatArray:
+    """(B,) metres that were looked through in each sector: the nearest return of the sector and its neighbours."""
+    count = round(360.0 / settings.bin_deg)
+    sector = np.minimum(
+        ((bearings + math.pi) / (2.0 * math.pi) * count).astype(np.int64), count - 1
+    )
+    nearest = np.full(count, np.inf)
+    np.minimum.at(nearest, sector, ranges)
+    around = np.minimum(np.minimum(nearest, np.roll(nearest, 1)), np.roll(nearest, -1))
+    # A sector without a return is unknown (glass, black, too far), whatever its neighbours say.
+    return np.where(np.isfinite(nearest), around, 0.0)
