@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
@@ -82,10 +80,11 @@ def rematch_pairs(
     pairs: Sequence[tuple[StationId, StationId]],
     settings: MatchingSettings,
 ) -> tuple[ScanMatch, ...]:
-    """Matches of all overlapping pairs, refined once more from where the placement has them.
+    """Matches of the pairs that overlap at a placement, refined once more from there.
 
-    Pairs whose scans confirm less than `min_overlap` of each other, or that leave the place by more
-    than the fine gate, bring nothing but errors and are left out.
+    A pair whose match leaves the placement by more than the fine gate, or that confirms less than
+    `min_evidence_m` of wall, says nothing. Pairs with less overlap than `min_overlap` are weaker
+    than what their neighbours bring: they are used only where no other pair joins their stations.
     """
     matches = []
     for target, source in pairs:
@@ -95,11 +94,20 @@ def rematch_pairs(
         poses, converged = polish(scans[target], scans[source], start.vector[None, :], settings)
         match = describe_match(scans[target], scans[source], poses[0], 0, settings)
         stayed = match.target_T_source.distance_to(start) < settings.fine_gate_m
-        if (
-            converged[0]
-            and stayed
-            and match.overlap >= settings.min_overlap
-            and np.isfinite(match.score)
-        ):
+        if converged[0] and stayed and match.score >= settings.min_evidence_m:
             matches.append(match)
-    return tuple(matches)
+    return _strong_or_joining(matches, settings.min_overlap)
+
+
+def _strong_or_joining(matches: Sequence[ScanMatch], min_overlap: float) -> tuple[ScanMatch, ...]:
+    """All matches with enough overlap, and of the others those that join groups, the best first."""
+    group: dict[StationId, int] = {}
+    used = set()
+    for index in sorted(range(len(matches)), key=lambda i: -matches[i].overlap):
+        match = matches[index]
+        a = group.setdefault(match.target, len(group))
+        b = group.setdefault(match.source, len(group))
+        if match.overlap >= min_overlap or a != b:
+            used.add(index)
+            group = {station: a if label == b else label for station, label in group.items()}
+    return tuple(match for index, match in enumerate(matches) if index in used)

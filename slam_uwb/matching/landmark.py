@@ -34,7 +34,8 @@ def landmark_matches(
         for chunk in np.array_split(poses, max(1, len(poses) // _CHUNK))
     ])  # fmt: skip
     best = np.lexsort((np.arange(len(counts)), -counts))[: settings.initial_matches]
-    return np.asarray(poses[best])
+    chosen: FloatArray = poses[best]
+    return chosen
 
 
 def closest_point_count(

@@ -6,6 +6,7 @@ FILE``). `PRESETS` holds named sets; ``paper`` is what Kolakowski et al. 2020 pr
 
 from __future__ import annotations
 
+import json
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -14,7 +15,7 @@ from .errors import SettingsError
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ScanSettings(_Section):
@@ -132,10 +133,11 @@ class MatchingSettings(_Section):
         "every other place by this",
     )
     min_overlap: float = Field(
-        0.25,
+        0.10,
         ge=0.0,
         le=1.0,
-        description="pairs that confirm less of each other do not enter the graph",
+        description="pairs that confirm less of each other enter the graph only where no other pair "
+        "joins their stations",
     )
     sigma_floor_m: float = Field(
         0.01,
@@ -197,6 +199,17 @@ class GraphSettings(_Section):
         ge=0.0,
         description="a second place within this much cost (negative log likelihood) is not excluded",
     )
+    search_step_m: float = Field(
+        0.3,
+        gt=0.0,
+        description="grid on which the places of anchors are sought; finds all minima (joint study)",
+    )
+    twin_distance_m: float = Field(0.5, gt=0.0, description="minima closer than this are one place")
+    shared_error_radius_m: float = Field(
+        0.5,
+        ge=0.0,
+        description="stations closer than this share the errors of their links and count as one",
+    )
     weak_sigma_m: float = Field(
         0.5, gt=0.0, description="an anchor with a larger standard deviation is weak-geometry"
     )
@@ -256,6 +269,10 @@ PRESETS: dict[str, Settings] = {
 }
 
 
+_UNKNOWN = {"extra_forbidden": "no such setting; `slam-uwb settings` prints all of them"}
+"""pydantic says this in its own terms."""
+
+
 def settings_from_mapping(mapping: dict[str, Any]) -> Settings:
     """Settings from a nested mapping of what differs from the defaults.
 
@@ -263,10 +280,14 @@ def settings_from_mapping(mapping: dict[str, Any]) -> Settings:
         SettingsError: names every bad key, its value and the limit.
     """
     try:
-        return Settings.model_validate(mapping)
+        # Strict, or "0.1" and true would pass for numbers; by way of JSON, whose lists may be tuples.
+        return Settings.model_validate_json(json.dumps(mapping, default=str), strict=True)
     except ValidationError as error:
         problems = [
-            (".".join(map(str, e["loc"])), f"{e['msg']} (given: {e['input']!r})")
+            (
+                ".".join(map(str, e["loc"])),
+                f"{_UNKNOWN.get(e['type'], e['msg'])} (given: {e['input']!r})",
+            )
             for e in error.errors()
         ]
         first_key, first = problems[0]

@@ -58,8 +58,10 @@ def _runs(points: Points, gaps: FloatArray) -> list[np.ndarray]:
     following = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     ends = np.flatnonzero(following > np.maximum(gaps, np.roll(gaps, -1)))
     # Start behind a gap, so that no wall is cut at the seam; a scan without any gap starts at its
-    # widest one.
-    first = (ends[0] if len(ends) else int(np.argmax(following))) + 1
+    # furthest point: distance along a straight wall is largest at an end, so that is a corner.
+    first = int(ends[0]) + 1 if len(ends) else int(np.argmax(np.hypot(*points.T)))
+    if not len(ends) and count >= 5:
+        first += _ends_before(points.take(np.arange(first - 2, first + 3), axis=0, mode="wrap"), 2)
     order = (np.arange(count) + first) % count
     cuts = np.flatnonzero(np.isin(order, ends))[:-1] + 1 if len(ends) else np.array([], dtype=int)
     return np.split(order, cuts)
@@ -86,8 +88,24 @@ def _split(points: Points, run: np.ndarray, distance: float) -> list[np.ndarray]
         if away[corner] <= distance:
             parts.append(part)
         else:
-            open_parts += [part[corner:], part[: corner + 1]]
+            corner += _ends_before(points[part], corner)
+            open_parts += [part[corner:], part[:corner]]
     return parts
+
+
+def _ends_before(part: Points, corner: int) -> bool:
+    """Whether the point at a corner is on the line of the two before it rather than of the two behind.
+
+    Given to both walls it would turn the one on which it does not lie.
+    """
+    if corner < 2 or corner > len(part) - 3:
+        return corner >= 2
+    misses = []
+    for a, b in ((corner - 2, corner - 1), (corner + 1, corner + 2)):
+        along, offset = part[b] - part[a], part[corner] - part[a]
+        across = along[0] * offset[1] - along[1] * offset[0]
+        misses.append(abs(float(across)) / max(float(np.hypot(*along)), 1e-12))
+    return misses[0] <= misses[1]
 
 
 def _fit_segment(points: Points) -> FloatArray:
