@@ -18,6 +18,7 @@ from .index import ScanIndex
 from .refiners.point_to_line import correspondences
 
 _INFLATION = 1.5  # shared neighbours correlate the normals; Monte-Carlo value of library facts, 7
+_LEAST_VARIANCE = 1e-12  # m^2; exact scans have none
 _FREE_SIGMA = np.array(
     [1.0, 1.0, math.radians(10.0)]
 )  # of a direction that the walls leave free: m, m, rad
@@ -38,7 +39,8 @@ def match_covariance(
     adjoint = target_T_source.adjoint()
     hessian = 0.5 * (forth[0] + adjoint.T @ back[0] @ adjoint)
     leak = 0.5 * (forth[1] + adjoint.T @ back[1] @ adjoint)
-    variance = max(forth[2], back[2], source.scan.noise**2 + target.scan.noise**2)
+    noise = source.scan.noise**2 + target.scan.noise**2
+    variance = max(forth[2], back[2], noise, _LEAST_VARIANCE)
     information, degenerate = _without_leak(hessian, leak)
     covariance = np.linalg.inv(information / (_INFLATION * variance) + np.diag(_FREE_SIGMA**-2.0))
     floor = np.array(

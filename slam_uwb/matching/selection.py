@@ -84,7 +84,12 @@ def spanning_placement(
         a.update({station: a_T_b @ pose for station, pose in b.items()})
         group.update(dict.fromkeys(b, a))
     return _in_first_frame(
-        max(group.values(), key=lambda poses: (len(poses), -min(order[s] for s in poses))), order
+        max(
+            group.values(),
+            key=lambda poses: (len(poses), -min(order[s] for s in poses)),
+            default={},
+        ),
+        order,
     )
 
 
@@ -128,18 +133,17 @@ def _pair_rows(
     origin = None
     if used is not None:
         # A used match may come from no hypothesis: the placement brought the scans together.
-        origin = next((h.rank for h in found if _same(h, used)), len(found))
+        origin = next(
+            (h.rank for h in found if _same(h.target_T_source, used.target_T_source)), len(found)
+        )
     rows = [
         replace(h, rejection=_reason(h, used, placement)) for h in found if h.rank != origin
     ] + ([replace(used, rank=origin)] if used is not None and origin is not None else [])
     return sorted(rows, key=lambda match: match.rank)
 
 
-def _same(a: ScanMatch, b: ScanMatch) -> bool:
-    return (
-        a.target_T_source.distance_to(b.target_T_source) < _SAME_M
-        and a.target_T_source.angle_to(b.target_T_source) < _SAME_RAD
-    )
+def _same(a: Pose2, b: Pose2) -> bool:
+    return a.distance_to(b) < _SAME_M and a.angle_to(b) < _SAME_RAD
 
 
 def _reason(
@@ -151,5 +155,5 @@ def _reason(
     if used is not None:
         return "another hypothesis of the pair is used"
     placed = placement[hypothesis.target].inverse() @ placement[hypothesis.source]
-    near = hypothesis.target_T_source.distance_to(placed) < _SAME_M
+    near = _same(hypothesis.target_T_source, placed)
     return "too little overlap" if near else "disagrees with the merged map"

@@ -75,15 +75,7 @@ def _split(points: Points, run: np.ndarray, distance: float) -> list[np.ndarray]
         if len(part) < 3:
             parts.append(part)
             continue
-        start, end = points[part[0]], points[part[-1]]
-        chord = end - start
-        offset = points[part] - start
-        length = float(np.hypot(*chord))
-        away = (
-            np.abs(offset[:, 0] * chord[1] - offset[:, 1] * chord[0]) / length
-            if length > distance
-            else np.hypot(offset[:, 0], offset[:, 1])  # a run that ends where it began has no chord
-        )
+        away = _from_chord(points[part])
         corner = int(np.argmax(away[1:-1])) + 1
         if away[corner] <= distance:
             parts.append(part)
@@ -91,6 +83,16 @@ def _split(points: Points, run: np.ndarray, distance: float) -> list[np.ndarray]
             corner += _ends_before(points[part], corner)
             open_parts += [part[corner:], part[:corner]]
     return parts
+
+
+def _from_chord(part: Points) -> FloatArray:
+    """(N,) m from the chord between the first and the last point: from it, not from the line through it.
+
+    Along a straight wall that is largest at an end, also where the run ends about where it began.
+    """
+    chord, offset = part[-1] - part[0], part - part[0]
+    along = np.clip(offset @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - along[:, None] * chord, axis=1))
 
 
 def _ends_before(part: Points, corner: int) -> bool:

@@ -1,0 +1,58 @@
+"""``slam-uwb evaluate``: a solution against ground truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import JsonOption, VerboseOption
+
+
+def evaluate(
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT", show_default=False, help="Solution folder that `solve` wrote."
+        ),
+    ],
+    reference: Annotated[
+        Path,
+        typer.Option(
+            metavar="DIR",
+            show_default=False,
+            help="Folder with the true anchors.csv and stations.csv.",
+        ),
+    ],
+    as_json: JsonOption = False,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", show_default=False, help="Draw solution and truth to this PNG file."
+        ),
+    ] = None,
+    _verbose: VerboseOption = False,
+) -> None:
+    """Compare a solution with ground truth.
+
+    Aligned rigidly, without scale, on the stations that are ok (not at all in a site frame);
+    anchors are scored in that frame, and what was not placed is counted.
+    """
+    from ..evaluate import evaluate_solution, evaluation_to_json, format_evaluation
+    from ..io import read_reference, read_solution
+
+    solution, truth = read_solution(out), read_reference(reference)
+    evaluation = evaluate_solution(solution, truth)
+    if figure is not None:
+        from ..report import draw_solution, figure_png
+
+        drawing = draw_solution(solution, reference=truth, evaluation=evaluation)
+        figure.write_bytes(figure_png(drawing))
+    text = (
+        json.dumps(evaluation_to_json(evaluation), indent=2)
+        if as_json
+        else format_evaluation(evaluation)
+    )
+    typer.echo(text)

@@ -1,0 +1,88 @@
+"""``slam-uwb simulate``: a survey folder with its truth, from one seed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import VerboseOption
+from .targets import refuse_survey_target
+
+
+def list_scenes(wanted: bool) -> None:
+    """Print the scenes and leave."""
+    if not wanted:
+        return
+    from ..simulate import SCENES
+
+    for name in (*SCENES, "random-floor-N (N rooms)"):
+        typer.echo(name)
+    raise typer.Exit
+
+
+def simulate(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE", show_default=False, help="One of `slam-uwb simulate --list`."
+        ),
+    ],
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", show_default=False, help="The same seed gives the same survey."
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="SURVEY",
+            show_default=False,
+            help="Survey folder to write, with its truth in reference/: a new one, since nothing "
+            "recorded is ever overwritten.",
+        ),
+    ],
+    two_way: Annotated[
+        bool,
+        typer.Option(
+            "--two-way", help="Record two-way-ranging periods (twr.csv) instead of distances."
+        ),
+    ] = False,
+    duration_s: Annotated[
+        float | None,
+        typer.Option(min=1.0, max=3600.0, metavar="S", help="Seconds recorded at each station."),
+    ] = None,
+    no_sequence: Annotated[
+        bool, typer.Option("--no-sequence", help="Leave out which scan follows which.")
+    ] = False,
+    _list: Annotated[
+        bool,
+        typer.Option(
+            "--list", callback=list_scenes, is_eager=True, help="List the scenes and exit."
+        ),
+    ] = False,
+    _verbose: VerboseOption = False,
+) -> None:
+    """Record an imaginary building: scans, ranges and the truth to compare a solution with."""
+    from ..io import write_survey
+    from ..simulate import Lidar, Radio, simulate_survey
+
+    refuse_survey_target(out)
+    lidar, radio = Lidar(), Radio()
+    if duration_s is not None:
+        upper_s = min(duration_s, lidar.upper_duration)
+        lidar = replace(lidar, duration=duration_s, upper_duration=upper_s)
+        radio = replace(radio, duration=duration_s)
+    made = simulate_survey(
+        scene, seed, lidar=lidar, radio=radio, two_way=two_way, sequence=not no_sequence
+    )
+    write_survey(
+        made.survey, out, reference=made.reference, link_truth=made.link_truth, compress=True
+    )
+    typer.echo(
+        f"{made.survey.name}: {len(made.survey.stations)} stations, "
+        f"{len(made.survey.anchors)} anchors, in {out}"
+    )

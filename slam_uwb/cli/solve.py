@@ -1,0 +1,131 @@
+"""``slam-uwb solve``: a survey folder to a solution folder."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import JsonOption, SurveyArgument, VerboseOption
+from .progress import progress_bar
+from .summary import print_summary, print_warnings
+from .targets import refuse_solution_target
+
+if TYPE_CHECKING:
+    from ..model.settings import Settings
+    from ..model.survey import Survey
+
+FIGURE = "figure.png"
+
+
+class Mode(StrEnum):
+    """How poses and anchors are solved."""
+
+    JOINT = "joint"
+    SEQUENTIAL = "sequential"
+
+
+class Pairs(StrEnum):
+    """Which pairs of scans are matched."""
+
+    ALL = "all"
+    SEQUENCE = "sequence"
+
+
+def solve(
+    survey: SurveyArgument,
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="OUT",
+            show_default=False,
+            help="Solution folder to write. A solution already there is replaced when the new one "
+            "is complete; any other folder with something in it is refused.",
+        ),
+    ],
+    mode: Annotated[
+        Mode | None,
+        typer.Option(
+            show_default="joint, or what --settings says",
+            help="joint: poses and anchors in one problem. sequential: poses first, then each "
+            "anchor (the paper).",
+        ),
+    ] = None,
+    pairs: Annotated[
+        Pairs | None,
+        typer.Option(
+            show_default="all, or what --settings says",
+            help="all: match every promising pair of scans. sequence: only the pairs that "
+            "survey.toml lists.",
+        ),
+    ] = None,
+    settings: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|paper",
+            show_default=False,
+            help="TOML file with the settings that differ from the defaults (`slam-uwb settings` "
+            "prints all of them), or `paper` for the paper's own numbers and matching.",
+        ),
+    ] = None,
+    no_ranges: Annotated[
+        bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
+    ] = False,
+    workers: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Processes that match scans.")
+    ] = 1,
+    as_json: JsonOption = False,
+    _verbose: VerboseOption = False,
+) -> None:
+    """Solve one survey: floor map, station poses and anchor coordinates with their uncertainty.
+
+    What cannot be told is left empty and says why in its `status`. OUT is complete or not there.
+    """
+    refuse_solution_target(out, survey)
+    chosen = _choose_settings(settings, mode, pairs)
+    sound = _read_sound_survey(survey)
+
+    from ..io import write_solution
+    from ..pipeline import solve_survey
+
+    with progress_bar() as progress:
+        solution = solve_survey(
+            sound, chosen, use_ranges=not no_ranges, progress=progress, workers=workers
+        )
+        progress("drawing and writing", 0, 1)
+        from ..report import draw_solution, figure_png
+
+        picture = figure_png(draw_solution(solution))
+        write_solution(solution, out, extras={FIGURE: picture})
+        progress("drawing and writing", 1, 1)
+    print_warnings(solution.warnings)
+    print_summary(solution, out, out / FIGURE, as_json=as_json)
+
+
+def _choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None) -> Settings:
+    """Settings of a preset or file, with what the command line says on top."""
+    from ..io import read_settings
+
+    settings = read_settings("default" if source is None else source)
+    if mode is not None:
+        settings = settings.model_copy(
+            update={"graph": settings.graph.model_copy(update={"mode": mode.value})}
+        )
+    if pairs is not None:
+        matching = settings.matching.model_copy(update={"pairs": pairs.value})
+        settings = settings.model_copy(update={"matching": matching})
+    return settings
+
+
+def _read_sound_survey(folder: Path) -> Survey:
+    """The survey, its warnings shown; SurveyFormatError with every fault where it has any."""
+    from ..io import check_survey
+    from ..model.errors import SurveyFormatError
+
+    result = check_survey(folder)
+    print_warnings(map(str, result.warnings))
+    if result.survey is None or result.faults:
+        raise SurveyFormatError(result.faults)
+    return result.survey

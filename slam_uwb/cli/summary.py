@@ -1,0 +1,67 @@
+"""What `solve` prints: what holds, what does not and why, and where the picture lies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from ..model.solution import AnchorEstimate, Solution, StationEstimate
+
+    Estimates = Sequence[StationEstimate] | Sequence[AnchorEstimate]
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """One line each, to stderr."""
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def print_summary(solution: Solution, out: Path, figure: Path, *, as_json: bool) -> None:
+    """The result of one solve, to stdout."""
+    summary = summarise(solution)
+    if as_json:
+        typer.echo(json.dumps({**summary, "out": str(out), "figure": str(figure)}, indent=2))
+        return
+    for line in format_summary(summary):
+        typer.echo(line)
+    typer.echo(f"solution  {out}")
+    typer.echo(f"picture   {figure}")
+
+
+def summarise(solution: Solution) -> dict[str, Any]:
+    """Counts of what is ok and the identifiers of what is not, by status."""
+    return {
+        "survey": solution.survey_name,
+        "mode": solution.mode,
+        "frame": solution.frame,
+        "stations": _count(solution.stations),
+        "anchors": _count(solution.anchors),
+        "warnings": list(solution.warnings),
+    }
+
+
+def format_summary(summary: dict[str, Any]) -> Iterator[str]:
+    """The lines of the table."""
+    frame = (
+        "the site's frame" if summary["frame"] == "site" else f"frame of station {summary['frame']}"
+    )
+    yield f"{summary['survey']}: {summary['mode']}, {frame}"
+    for kind in ("stations", "anchors"):
+        count = summary[kind]
+        yield f"{kind:<10}{count['ok']} of {count['all']} ok"
+        for status, names in count["not_ok"].items():
+            yield f"          {status}: {', '.join(names)}"
+
+
+def _count(estimates: Estimates) -> dict[str, Any]:
+    not_ok: dict[str, list[str]] = {}
+    for estimate in estimates:
+        if estimate.status != "ok":
+            not_ok.setdefault(str(estimate.status), []).append(str(estimate.id))
+    ok = len(estimates) - sum(map(len, not_ok.values()))
+    return {"ok": ok, "all": len(estimates), "not_ok": not_ok}

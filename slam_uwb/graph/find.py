@@ -1,0 +1,131 @@
+"""What the ranges determine at the present poses: anchors from tags, lost tags from anchors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..model.geometry import Points, Vector2
+from ..model.products import GraphProblem, LinkMeasurement
+from ..model.settings import GraphSettings
+from ..model.solution import Status
+from ..model.survey import Anchor, AnchorId, RangeOffset, StationId
+from .frame import Start
+from .initial import Finding, Sightings, find_height, find_point
+from .ranges import Levers, Variables, anchor_sightings, range_prior, station_sightings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What stays the same while a problem is solved in one frame."""
+
+    problem: GraphProblem
+    settings: GraphSettings
+    start: Start
+    prior: RangeOffset
+    levers: Levers
+
+    @classmethod
+    def of(cls, problem: GraphProblem, start: Start, settings: GraphSettings) -> Scene:
+        """The scene of a problem that starts there."""
+        levers = Levers(np.array(problem.tag_offset), start.headings)
+        return cls(problem, settings, start, range_prior(problem, settings), levers)
+
+    def known_place(self, anchor: Anchor) -> Vector2 | None:
+        """(2,) m, where the anchor was surveyed and the frame is the site's."""
+        if anchor.known is None or not self.start.in_site:
+            return None
+        return np.array([anchor.known.x, anchor.known.y])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What the ranges say of every anchor, and of every station that only they can place."""
+
+    anchors: dict[AnchorId, Finding]
+    stations: dict[StationId, Finding]
+
+    def heights(self) -> dict[AnchorId, float]:
+        """m, of the anchors that have one."""
+        return {n: f.height for n, f in self.anchors.items() if f.height is not None}
+
+    def agrees_with(self, solved: Variables, distance: float) -> bool:
+        """Whether a solution has the same points, each within `distance` (m) of where found."""
+        # Stations and anchors may share a name.
+        found: dict[tuple[str, str], Vector2] = {}
+        found |= {("a", n): f.place for n, f in self.anchors.items() if f.place is not None}
+        found |= {("s", n): f.place for n, f in self.stations.items() if f.place is not None}
+        have: dict[tuple[str, str], Vector2] = {("a", n): p for n, p in solved.anchors.items()}
+        located = solved.poses.keys() & self.stations.keys()
+        have |= {("s", n): solved.poses[n].translation for n in located}
+        return found.keys() == have.keys() and all(
+            np.hypot(*(place - have[name])) <= distance for name, place in found.items()
+        )
+
+    def settled(self, solved: Variables, distance: float) -> dict[AnchorId, Finding]:
+        """The anchors' findings, with those that the solution has elsewhere not called `ok`."""
+        return {
+            name: replace(finding, status=Status.WEAK_GEOMETRY)
+            if finding.status is Status.OK
+            and finding.place is not None
+            and name in solved.anchors
+            and np.hypot(*(finding.place - solved.anchors[name])) > distance
+            else finding
+            for name, finding in self.anchors.items()
+        }
+
+
+def find_points(
+    scene: Scene, present: Variables, links: tuple[LinkMeasurement, ...], before: Found
+) -> Found:
+    """Look for every anchor from the placed stations, for every lost tag from the sure anchors.
+
+    Args:
+        scene: problem and frame.
+        present: poses and anchors of the last solution.
+        links: usable ones.
+        before: what was found in the round before.
+    """
+    # The offset is taken from the solution, but as loosely as before it: the solution has seen the
+    # very ranges that are judged here.
+    offset = RangeOffset(present.offset, scene.prior.sigma)
+    heights = before.heights()
+    sure = {
+        name: place
+        for name, place in present.anchors.items()
+        if name in heights and before.anchors[name].status is Status.OK
+    }
+    tags = scene.levers.tags({name: present.poses[name] for name in scene.start.poses})
+    anchors = {}
+    for anchor in scene.problem.anchors:
+        seen = anchor_sightings(scene.problem, links, anchor.id, tags, sure, heights)
+        anchors[anchor.id] = _find_anchor(scene, anchor, seen, offset, before)
+    stations = {}
+    for station in scene.problem.stations:
+        if station.scan is None and station.id not in scene.start.poses:
+            seen = station_sightings(links, station.id, sure, heights)
+            again = _minima(before.stations.get(station.id), seen)
+            stations[station.id] = find_point(
+                seen, station.tag_height, offset, scene.settings, again
+            )
+    return Found(anchors, stations)
+
+
+def _find_anchor(
+    scene: Scene, anchor: Anchor, seen: Sightings, offset: RangeOffset, before: Found
+) -> Finding:
+    count = len(seen.points)
+    known = scene.known_place(anchor)
+    if known is None:
+        again = _minima(before.anchors.get(anchor.id), seen)
+        return find_point(seen, anchor.height, offset, scene.settings, again)
+    if anchor.height is not None or count < scene.settings.min_stations:
+        return Finding(Status.OK, known, anchor.height, count)
+    height = find_height(seen, offset, scene.settings)
+    return Finding(Status.WEAK_GEOMETRY, known, height, count)
+
+
+def _minima(before: Finding | None, seen: Sightings) -> Points | None:
+    """Minima of the round before, where the same number of points see it: no new search then."""
+    return before.candidates if before and before.sightings == len(seen.points) else None

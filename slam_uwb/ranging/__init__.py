@@ -1,0 +1,13 @@
+"""Range samples -> one measurement a link."""
+
+from .reduce import reduce_anchor_links, reduce_links
+from .two_way import asymmetric_bias, asymmetric_distances, symmetric_bias, symmetric_distances
+
+__all__ = [
+    "asymmetric_bias",
+    "asymmetric_distances",
+    "reduce_anchor_links",
+    "reduce_links",
+    "symmetric_bias",
+    "symmetric_distances",
+]

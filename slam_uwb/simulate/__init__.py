@@ -1,0 +1,8 @@
+"""Floor plan and seed -> a survey with its truth; shares no code with any estimator."""
+
+from .catalogue import SCENES as SCENES
+from .lidar import Lidar as Lidar
+from .radio import Radio as Radio
+from .scene import Scene as Scene
+from .survey import Simulation as Simulation
+from .survey import simulate_survey as simulate_survey

@@ -1,0 +1,86 @@
+"""``slam-uwb evaluate``."""
+
+import csv
+import json
+
+import pytest
+
+
+def test_scores_a_solution_against_the_truth(run, pristine_survey, pristine_solution):
+    done = run("evaluate", pristine_solution, "--reference", pristine_survey / "reference")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "RMSE" in done.stdout
+
+
+def test_json_is_for_programs(run, pristine_survey, pristine_solution):
+    done = run(
+        "evaluate", pristine_solution, "--reference", pristine_survey / "reference", "--json"
+    )
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["mode"] == "joint"
+
+
+def test_a_moved_reference_changes_nothing_but_a_wrong_one_does(
+    run, pristine_survey, pristine_solution, tmp_path
+):
+    def score(change):
+        reference = tmp_path / change.__name__
+        reference.mkdir()
+        for name in ("stations.csv", "anchors.csv"):
+            with (pristine_survey / "reference" / name).open(newline="") as stream:
+                items = list(csv.DictReader(stream))
+            with (reference / name).open("w", newline="") as stream:
+                writer = csv.DictWriter(stream, items[0].keys())
+                writer.writeheader()
+                writer.writerows(change(item) for item in items)
+        done = run("evaluate", pristine_solution, "--reference", reference)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def same(item):
+        return item
+
+    def moved(item):
+        return {**item, "x_m": float(item["x_m"]) + 7.0, "y_m": float(item["y_m"]) - 3.0}
+
+    def mirrored(item):
+        return {**item, "x_m": -float(item["x_m"])}
+
+    truth = score(same)
+    assert score(moved) == truth
+    assert score(mirrored) != truth
+
+
+def test_draws_on_request(run, pristine_survey, pristine_solution, tmp_path):
+    figure = tmp_path / "errors.png"
+    done = run(
+        *("evaluate", pristine_solution, "--reference", pristine_survey / "reference"),
+        *("--figure", figure),
+    )
+    assert done.returncode == 0, done.stderr
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("out", "reference"), [("nowhere", "flat/reference"), ("flat", "flat/reference")]
+)
+def test_what_is_no_solution_ends_with_2(run, survey, out, reference):
+    base = survey.parent
+    done = run("evaluate", base / out, "--reference", base / reference)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("reference", ["nowhere", "flat/scans"])
+def test_what_is_no_reference_ends_with_2(run, survey, pristine_solution, reference):
+    done = run("evaluate", pristine_solution, "--reference", survey.parent / reference)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("slam-uwb: ")
+
+
+def test_a_damaged_solution_ends_with_2_and_names_the_file(run, pristine_survey, solution):
+    document = solution / "solution.json"
+    document.write_bytes(document.read_bytes()[:1000])
+    done = run("evaluate", solution, "--reference", pristine_survey / "reference")
+    assert done.returncode == 2
+    assert "solution.json" in done.stderr
