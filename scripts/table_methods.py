@@ -38,6 +38,16 @@ METHODS: dict[str, Settings] = {
     "sequential": Settings(graph=Settings().graph.model_copy(update={"mode": "sequential"})),
     "joint": Settings(),
 }
+COLUMNS = (
+    "method",
+    "right matches",
+    "stations ok",
+    "ok but off > 0.1 m",
+    "their RMSE, m",
+    "anchors ok",
+    "RMSE, median, m",
+    "worst, m",
+)
 RIGHT_M, RIGHT_DEG = 0.1, 1.0
 
 
@@ -126,10 +136,8 @@ def main() -> None:
         outcomes = list(pool.map(solve_one, tasks))
     print(f"{arguments.scene}, seeds {first} to {last - 1}, {arguments.duration_s:g} s a recording")
     print("(the paper reports an anchor RMSE of 0.34 m from one real office)\n")
-    print(
-        "| method | right matches | stations ok | ok but off > 0.1 m | their RMSE, m | anchors ok | RMSE, median, m | worst, m |"
-    )
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    print("| " + " | ".join(COLUMNS) + " |")
+    print("| " + " | ".join("---" for _ in COLUMNS) + " |")
     count = last - first
     for index, method in enumerate(METHODS):
         print(row(method, outcomes[index * count : (index + 1) * count]))

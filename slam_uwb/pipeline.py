@@ -40,7 +40,9 @@ def solve_survey(
         SettingsError: a sequence is wanted and the survey has none.
     """
     settings = settings or Settings()
-    scans = {station.id: station.scan for station in survey.stations if station.scan is not None}
+    # By name, not in the survey's order: which scan is fitted to which must not depend on it.
+    stations = sorted(survey.stations, key=lambda station: station.id)
+    scans = {station.id: station.scan for station in stations if station.scan is not None}
     prepared = {
         station: prepare_scan(station, scan, settings.scan) for station, scan in scans.items()
     }

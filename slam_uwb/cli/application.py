@@ -72,8 +72,6 @@ def _run() -> int:
     except Interrupted:
         _say("interrupted; nothing was left half-written")
         return INTERRUPTED
-    except BrokenPipeError:
-        raise
     except OSError as error:
         return _end_with_os_error(error)
     except Exception as error:

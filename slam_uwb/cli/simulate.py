@@ -79,9 +79,10 @@ def simulate(
     made = simulate_survey(
         scene, seed, lidar=lidar, radio=radio, two_way=two_way, sequence=not no_sequence
     )
-    write_survey(
-        made.survey, out, reference=made.reference, link_truth=made.link_truth, compress=True
-    )
+    truth = {
+        (str(station), str(anchor)): item for (station, anchor), item in made.link_truth.items()
+    }
+    write_survey(made.survey, out, reference=made.reference, link_truth=truth, compress=True)
     typer.echo(
         f"{made.survey.name}: {len(made.survey.stations)} stations, "
         f"{len(made.survey.anchors)} anchors, in {out}"

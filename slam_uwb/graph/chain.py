@@ -37,6 +37,22 @@ class Chain:
     """(3 S, 3 S) joint, every pose in its own axes, the root's own uncertainty included."""
 
 
+def held_together(problem: GraphProblem) -> tuple[StationId, ...]:
+    """The largest group of placed stations that matches connect, in the survey's order.
+
+    Empty where no two hold together; of groups of one size, the one with the earliest station.
+    """
+    placed = [station.id for station in problem.stations if station.id in problem.placement]
+    tree = spanning_tree(problem)
+    groups: list[tuple[StationId, ...]] = []
+    for name in placed:
+        if all(name not in group for group in groups):
+            reached = {name} | {edge.child for edge in _walk(tree, name)}
+            groups.append(tuple(other for other in placed if other in reached))
+    largest = max(groups, key=len, default=())
+    return largest if len(largest) >= 2 else ()
+
+
 def spanning_tree(problem: GraphProblem) -> tuple[ScanMatch, ...]:
     """Matches that reach every station once: the sequence's first, then those with the best score.
 

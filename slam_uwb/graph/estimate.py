@@ -20,8 +20,9 @@ from ..model.solution import (
 )
 from ..model.survey import Anchor, AnchorId, Station, StationId
 from .frame import Start
-from .initial import Finding
-from .ranges import Levers, Variables, link_reasons
+from .ranges import Levers, link_reasons
+from .sightings import Finding
+from .variables import Variables
 
 
 @dataclass(frozen=True, slots=True, eq=False)

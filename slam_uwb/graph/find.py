@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..model.geometry import Points, Vector2
+from ..model.geometry import Vector2
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
 from ..model.solution import Status
 from ..model.survey import Anchor, AnchorId, RangeOffset, StationId
 from .frame import Start
-from .initial import Finding, Sightings, find_height, find_point
-from .ranges import Levers, Variables, anchor_sightings, range_prior, station_sightings
+from .initial import find_height, find_point
+from .ranges import Levers, anchor_sightings, range_prior, station_sightings
+from .sightings import Finding, Sightings
+from .variables import Variables
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,9 +107,9 @@ def find_points(
     for station in scene.problem.stations:
         if station.scan is None and station.id not in scene.start.poses:
             seen = station_sightings(links, station.id, sure, heights)
-            again = _minima(before.stations.get(station.id), seen)
+            same = _same_view(before.stations.get(station.id), seen)
             stations[station.id] = find_point(
-                seen, station.tag_height, offset, scene.settings, again
+                seen, station.tag_height, offset, scene.settings, same
             )
     return Found(anchors, stations)
 
@@ -118,14 +120,14 @@ def _find_anchor(
     count = len(seen.points)
     known = scene.known_place(anchor)
     if known is None:
-        again = _minima(before.anchors.get(anchor.id), seen)
-        return find_point(seen, anchor.height, offset, scene.settings, again)
+        same = _same_view(before.anchors.get(anchor.id), seen)
+        return find_point(seen, anchor.height, offset, scene.settings, same)
     if anchor.height is not None or count < scene.settings.min_stations:
         return Finding(Status.OK, known, anchor.height, count)
     height = find_height(seen, offset, scene.settings)
     return Finding(Status.WEAK_GEOMETRY, known, height, count)
 
 
-def _minima(before: Finding | None, seen: Sightings) -> Points | None:
-    """Minima of the round before, where the same number of points see it: no new search then."""
-    return before.candidates if before and before.sightings == len(seen.points) else None
+def _same_view(before: Finding | None, seen: Sightings) -> Finding | None:
+    """The finding of the round before, where as many points see it now: no new search then."""
+    return before if before is not None and before.sightings == len(seen.points) else None

@@ -15,6 +15,7 @@ from ..model.errors import DisconnectedSurveyError
 from ..model.geometry import FloatArray, Matrix3, Points, Pose2, Vector2
 from ..model.products import GraphProblem
 from ..model.survey import AnchorId, KnownPlace, StationId
+from .chain import held_together
 
 SITE = "site"
 
@@ -30,6 +31,8 @@ class Start:
     """`site`, or the station whose frame it is."""
     poses: dict[StationId, Pose2]
     """frame_T_station, in the survey's order."""
+    group: frozenset[StationId]
+    """Those that matches hold together."""
     headings: frozenset[StationId]
     """Those whose heading something measures."""
     gauge: StationId | None
@@ -61,7 +64,7 @@ def choose_start(problem: GraphProblem) -> Start:
     loose = sum(station.id not in group for station in known)
     if group and not (site_points >= 2 and loose >= len(group)):
         first = next(iter(group))
-        return Start(first, group, frozenset(group), gauge=first)
+        return Start(first, group, frozenset(group), frozenset(group), gauge=first)
     if site_points >= 2 or has_yaw:
         return _site_start(problem, {})
     raise DisconnectedSurveyError(
@@ -137,12 +140,12 @@ def alignment_covariance(
 
 
 def _group(problem: GraphProblem) -> dict[StationId, Pose2]:
-    """The placed stations in the frame of the first of them; empty where fewer than two."""
-    placed = [s.id for s in problem.stations if s.id in problem.placement]
-    if len(placed) < 2:
+    """The stations that hold together, in the frame of the first of them."""
+    names = held_together(problem)
+    if not names:
         return {}
-    first_T_frame = problem.placement[placed[0]].inverse()
-    return {name: first_T_frame @ problem.placement[name] for name in placed}
+    first_T_frame = problem.placement[names[0]].inverse()
+    return {name: first_T_frame @ problem.placement[name] for name in names}
 
 
 def _station_controls(
@@ -179,4 +182,4 @@ def _site_start(problem: GraphProblem, group: Mapping[StationId, Pose2]) -> Star
             poses[station.id] = Pose2(known.x, known.y, known.theta or 0.0)
         if station.id in group or (known is not None and known.theta is not None):
             headings.add(station.id)
-    return Start(SITE, poses, frozenset(headings), gauge=None)
+    return Start(SITE, poses, frozenset(group), frozenset(headings), gauge=None)

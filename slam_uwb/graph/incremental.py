@@ -15,13 +15,12 @@ import gtsam
 import numpy as np
 
 from ..model.errors import SolverError
-from ..model.geometry import FloatArray, Vector2
-from ..model.products import GraphProblem
+from ..model.geometry import FloatArray
 from ..model.settings import GraphSettings
-from ..model.survey import AnchorId, StationId
 from . import factors
 from .losses import one_sided_cost, one_sided_curvature, one_sided_weight
-from .ranges import RangeTable, Variables
+from .ranges import RangeTable
+from .variables import Indices, Variables, from_values, movement, to_values
 
 CURVATURE_FLOOR = 0.25
 """Least curvature as a share of re-weighting's."""
@@ -37,31 +36,6 @@ class Optimum:
     passes: int
     cost: float
     """Negative log likelihood: half the squared whitened residuals, the losses for the ranges."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Indices:
-    """Positions in the problem: what GTSAM's keys are made of."""
-
-    stations: dict[StationId, int]
-    anchors: dict[AnchorId, int]
-
-    @classmethod
-    def of(cls, problem: GraphProblem) -> Indices:
-        """Those of a problem."""
-        return cls(
-            {station.id: index for index, station in enumerate(problem.stations)},
-            {anchor.id: index for index, anchor in enumerate(problem.anchors)},
-        )
-
-    def name(self, symbol: str) -> str:
-        """What a person calls the variable that GTSAM calls `x3` or `l0`."""
-        kind, index = symbol[0], int(symbol[1:])
-        if kind == "b":
-            return "the range offset"
-        if kind == "x":
-            return f"station {list(self.stations)[index]}"
-        return f"anchor {list(self.anchors)[index]}"
 
 
 def solve_by_passes(
@@ -85,29 +59,23 @@ def solve_by_passes(
     """
     isam = gtsam.ISAM2(_isam_parameters())
     values = to_values(start, indices, with_offset=len(table.measured) > 0)
-    best = start
-    best_cost = _cost(fixed, table, start, values, settings)
-    trust, safe = factors.WEAK_PLACE_SIGMA, True
-    new, slots = gtsam.NonlinearFactorGraph(fixed), list[int]()
+    best, best_cost = start, _cost(fixed, table, start, values, settings)
+    trust, worse, slots = factors.WEAK_PLACE_SIGMA, True, list[int]()
     for passes in range(1, settings.max_passes + 1):
-        fed = feed_ranges(table, best, indices, settings, safe)
+        fed = feed_ranges(table, best, indices, settings, safe=worse)
         fed += _leashes(best, indices, table, trust)
-        for factor in fed:
-            new.push_back(factor)
-        slots = _update(isam, new, values if passes == 1 else gtsam.Values(), slots, indices)
-        slots = slots[len(slots) - len(fed) :]
-        new = gtsam.NonlinearFactorGraph()
+        new = gtsam.NonlinearFactorGraph(fixed) if passes == 1 else gtsam.NonlinearFactorGraph()
+        slots = _exchange(isam, slots, new, fed, values if passes == 1 else None, indices)
         estimate = isam.calculateEstimate()
         present = from_values(estimate, start, indices)
-        moved = _movement(best, present)
-        cost = _cost(fixed, table, present, estimate, settings)
-        safe = cost > best_cost + 1e-12 * (1.0 + best_cost)
-        if not safe:
+        cost, moved = _cost(fixed, table, present, estimate, settings), movement(best, present)
+        worse = cost > best_cost + 1e-12 * (1.0 + best_cost)
+        if not worse:
             best, best_cost = present, cost
         # On a short leash a small step says nothing.
-        if moved < settings.tolerance_m and (safe or trust >= 0.1):
+        if moved < settings.tolerance_m and (worse or trust >= 0.1):
             break
-        trust = min(1.0, trust) / 3.0 if safe else min(factors.WEAK_PLACE_SIGMA, 2.0 * trust)
+        trust = min(1.0, trust) / 3.0 if worse else min(factors.WEAK_PLACE_SIGMA, 2.0 * trust)
     return _finish(fixed, table, best, indices, settings, passes)
 
 
@@ -178,18 +146,27 @@ def _isam_parameters() -> gtsam.ISAM2Params:
     return parameters
 
 
-def _update(
+def _exchange(
     isam: gtsam.ISAM2,
+    old_slots: list[int],
     new: gtsam.NonlinearFactorGraph,
-    values: gtsam.Values,
-    remove: list[int],
+    fed: list[gtsam.NonlinearFactor],
+    values: gtsam.Values | None,
     indices: Indices,
 ) -> list[int]:
-    """Exchange factors and take one step; the slots of the new ones."""
+    """Replace the factors in the old slots by those fed, add new ones, take one step.
+
+    Returns:
+        The slots of the fed factors.
+    """
+    for factor in fed:
+        new.push_back(factor)
     try:
-        return list(isam.update(new, values, remove).getNewFactorsIndices())
+        result = isam.update(new, gtsam.Values() if values is None else values, old_slots)
     except RuntimeError as error:
         raise solver_error(error, indices) from error
+    slots = list(result.getNewFactorsIndices())
+    return slots[len(slots) - len(fed) :]
 
 
 def solver_error(error: RuntimeError, indices: Indices) -> SolverError:
@@ -244,41 +221,6 @@ def dense_covariance(optimum: Optimum, keys: list[int]) -> FloatArray:
     scale = 1.0 / np.sqrt(np.diag(hessian))
     covariance = np.linalg.inv(hessian * np.outer(scale, scale)) * np.outer(scale, scale)
     return np.asarray((covariance + covariance.T) / 2.0)
-
-
-def to_values(variables: Variables, indices: Indices, with_offset: bool) -> gtsam.Values:
-    """GTSAM's values of the variables."""
-    values = gtsam.Values()
-    for station, pose in variables.poses.items():
-        values.insert(factors.X(indices.stations[station]), factors.to_gtsam(pose))
-    for anchor, place in variables.anchors.items():
-        values.insert(factors.L(indices.anchors[anchor]), np.asarray(place))
-    if with_offset:
-        values.insert(factors.OFFSET_KEY, variables.offset)
-    return values
-
-
-def from_values(values: gtsam.Values, like: Variables, indices: Indices) -> Variables:
-    """The variables of GTSAM's values, in the order of `like`."""
-    anchors: dict[AnchorId, Vector2] = {
-        name: values.atPoint2(factors.L(indices.anchors[name])) for name in like.anchors
-    }
-    has_offset = values.exists(factors.OFFSET_KEY)
-    return Variables(
-        {n: factors.from_gtsam(values.atPose2(factors.X(indices.stations[n]))) for n in like.poses},
-        anchors,
-        values.atDouble(factors.OFFSET_KEY) if has_offset else like.offset,
-    )
-
-
-def _movement(before: Variables, after: Variables) -> float:
-    """Largest change of anything; a radian counts as a metre."""
-    poses = [
-        max(pose.distance_to(after.poses[name]), pose.angle_to(after.poses[name]))
-        for name, pose in before.poses.items()
-    ]
-    anchors = [math.dist(place, after.anchors[name]) for name, place in before.anchors.items()]
-    return max([*poses, *anchors, abs(before.offset - after.offset)])
 
 
 def _cost(

@@ -7,15 +7,24 @@ no other minimum explains its ranges nearly as well. Tags are found from anchors
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ..model.geometry import FloatArray, Matrix2, Points, Vector2
+from ..model.geometry import FloatArray, Points, Vector2
 from ..model.settings import GraphSettings
-from ..model.solution import Alternative, Status
+from ..model.solution import Status
 from ..model.survey import RangeOffset
 from .losses import one_sided_cost, one_sided_weight
+from .sightings import (
+    Finding,
+    Sightings,
+    equal_places,
+    height_candidates,
+    height_covariance,
+    mirror_image,
+    spread_ratio,
+)
 
 MAX_CELLS = 40_000
 """The grid becomes coarser on larger sites; minima are wider than its step by far."""
@@ -23,47 +32,8 @@ MAX_STARTS = 12
 """Minima of the grid that are refined; more than four never mattered."""
 MARGIN = 3.0
 """m searched beyond the outermost stations at least."""
-MAX_HEIGHT = 4.0
-"""m. An unmeasured height is sought up to here."""
-HEIGHT_STEP = 0.25
-"""m, coarser than any effect on the place in the plane."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sightings:
-    """Distances from N known points to one sought point."""
-
-    points: Points
-    """(N, 2) m."""
-    heights: FloatArray
-    """(N,) m."""
-    distances: FloatArray
-    """(N,) m, slant, offset included."""
-    sigmas: FloatArray
-    """(N,) m."""
-
-    def residuals(self, places: Points, height: float, offset: float) -> FloatArray:
-        """(K, N) measured minus predicted of K places (K, 2)."""
-        dx = places[:, None, 0] - self.points[:, 0]
-        dy = places[:, None, 1] - self.points[:, 1]
-        return self.distances - offset - np.sqrt(dx * dx + dy * dy + (height - self.heights) ** 2)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Finding:
-    """What the ranges say of one sought point."""
-
-    status: Status
-    place: Vector2 | None = None
-    """(2,) m; None where it cannot be told."""
-    height: float | None = None
-    sightings: int = 0
-    extra: Matrix2 | None = None
-    """(2, 2) m^2 to add to the covariance of the graph: for a height that nobody measured, for the
-    tails of the ranges."""
-    candidates: Points | None = None
-    """(K, 2) m, all separate minima, the best first: where to look again."""
-    alternatives: tuple[Alternative, ...] = ()
+TOO_SHORT = 5.0
+"""Sigmas. Walls make ranges longer; one that is shorter than this is a fault, or the place is."""
 
 
 def find_point(
@@ -71,7 +41,7 @@ def find_point(
     height: float | None,
     offset: RangeOffset,
     settings: GraphSettings,
-    again: Points | None = None,
+    before: Finding | None = None,
 ) -> Finding:
     """Place one point by its ranges alone, or say why not.
 
@@ -80,44 +50,43 @@ def find_point(
         height: its height, m; None where nobody measured it: then it is sought too.
         offset: what is known of the offset common to all ranges.
         settings: limits.
-        again: (K, 2) minima of an earlier search; only these are looked at again.
+        before: what was found from about here; only its minima are looked at again.
     """
     count = len(sightings.points)
     if count < settings.min_stations:
         return Finding(Status.UNREACHABLE, height=height, sightings=count)
-    sought = height
+    sought = height if before is None or height is not None else before.height
     if sought is None:
         sought = find_height(sightings, offset, settings)
-    starts = _grid_minima(sightings, sought, offset.mean, settings) if again is None else again
+    starts = None if before is None else before.candidates
+    if starts is None:
+        starts = _grid_minima(sightings, sought, offset.mean, settings)
     places, costs = _separate_minima(starts, sightings, sought, offset, settings)
     found = Finding(Status.OK, places[0], sought, count, candidates=places)
-    near = costs <= costs[0] + settings.mirror_cost_gap
-    if near.sum() > 1:
-        weights = np.exp(costs[0] - costs[near])
-        others = tuple(
-            Alternative(float(x), float(y), None, float(weight))
-            for (x, y), weight in zip(places[near], weights / weights.sum(), strict=True)
-        )
+    if others := equal_places(places, costs, settings.mirror_cost_gap):
         return replace(found, status=Status.MIRROR_AMBIGUOUS, place=None, alternatives=others)
     if height is None:
         extra = height_covariance(places[0], sought, sightings, settings)
         return replace(found, status=Status.WEAK_GEOMETRY, extra=extra)
-    if spread_ratio(sightings.points) < settings.min_singular_ratio:
+    in_line = spread_ratio(sightings.points) < settings.min_singular_ratio
+    if in_line or not _is_supported(places[0], sightings, sought, offset, settings):
         return replace(found, status=Status.WEAK_GEOMETRY)
     return found
 
 
-def spread_ratio(points: Points) -> float:
-    """How far (N, 2) points are from lying in line, 0 to 1: spread across it by spread along it."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return float(spread[1] / spread[0]) if len(spread) > 1 and spread[0] > 0.0 else 0.0
-
-
-def mirror_image(places: Points, points: Points) -> Points:
-    """(K, 2) places mirrored across the principal line of (N, 2) points."""
-    centre = points.mean(axis=0)
-    across = np.linalg.svd(points - centre)[2][1]
-    return np.asarray(places - 2.0 * ((places - centre) @ across)[:, None] * across)
+def _is_supported(
+    place: Vector2,
+    sightings: Sightings,
+    height: float,
+    offset: RangeOffset,
+    settings: GraphSettings,
+) -> bool:
+    """Whether enough ranges agree with a place, and none is impossibly short for it."""
+    residuals = sightings.residuals(place[None, :], height, offset.mean)[0]
+    weights = one_sided_weight(residuals, sightings.sigmas, settings.nlos_scale)
+    # Two ranges meet somewhere whatever they are: half of a third one at least has to agree.
+    enough = float(weights.sum()) >= settings.min_stations - 0.5
+    return enough and bool((residuals > -TOO_SHORT * sightings.sigmas).all())
 
 
 def refine_places(
@@ -245,15 +214,6 @@ def _separate_minima(
     return places[kept], costs[kept]
 
 
-def height_candidates(sightings: Sightings) -> FloatArray:
-    """(H,) m, where an unmeasured height is sought.
-
-    Tags at one height cannot tell above from below: above is taken, anchors hang on walls.
-    """
-    lowest = max(0.0, float(sightings.heights.min()))
-    return np.arange(lowest, max(MAX_HEIGHT, lowest) + 1e-9, HEIGHT_STEP)
-
-
 def find_height(sightings: Sightings, offset: RangeOffset, settings: GraphSettings) -> float:
     """Height that explains the ranges best, m."""
 
@@ -263,21 +223,3 @@ def find_height(sightings: Sightings, offset: RangeOffset, settings: GraphSettin
         return float(refine_places(starts, sightings, height, offset, scale, 20)[1].min())
 
     return float(min(height_candidates(sightings), key=cost))
-
-
-def height_covariance(
-    place: Vector2, height: float, sightings: Sightings, settings: GraphSettings
-) -> Matrix2:
-    """(2, 2) m^2 by which an estimated height moves the place, to first order."""
-    delta = place - sightings.points
-    rise = height - sightings.heights
-    slant = np.maximum(np.sqrt((delta**2).sum(axis=1) + rise**2), 1e-9)
-    directions = np.column_stack([delta, rise]) / slant[:, None]
-    residuals = sightings.distances - slant
-    residuals -= np.median(residuals)
-    weights = one_sided_weight(residuals, sightings.sigmas, settings.nlos_scale)
-    hessian = (directions * (weights / sightings.sigmas**2)[:, None]).T @ directions
-    # Anywhere up to the ceiling before the ranges spoke: variance of a uniform distribution.
-    hessian += np.diag([1e-4, 1e-4, 12.0 / MAX_HEIGHT**2])
-    full, fixed = np.linalg.inv(hessian)[:2, :2], np.linalg.inv(hessian[:2, :2])
-    return np.asarray(full - fixed)

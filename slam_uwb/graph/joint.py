@@ -20,9 +20,10 @@ from . import factors
 from .estimate import Solved, build_estimate, joint_order
 from .find import Found, Scene, find_points
 from .frame import Start, choose_start, tie_to_site
-from .incremental import Indices, Optimum, batch_gap, dense_covariance, solve_by_passes
-from .ranges import Variables, build_range_table, usable_links
+from .incremental import Optimum, batch_gap, dense_covariance, solve_by_passes
+from .ranges import build_range_table, usable_links
 from .spread import add_tails
+from .variables import Indices, Variables
 
 MAX_ROUNDS = 6
 """Two are the rule; more only where a point jumps between two minima."""
@@ -51,9 +52,11 @@ def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate
 def _solve_rounds(scene: Scene) -> tuple[Optimum, Found]:
     """Solve and find in turns until both agree."""
     # Poses by the matches alone first: chained ones are a poor place to look from.
-    present = Variables(dict(scene.start.poses), {}, scene.prior.mean)
+    start = Variables(dict(scene.start.poses), {}, scene.prior.mean)
     found = Found({}, {})
-    optimum = _solve_once(scene, present, found, ())
+    optimum = _solve_once(scene, start, found, ())
+    scene = _with_honest_matches(scene, optimum)
+    optimum = _solve_once(scene, optimum.variables, found, ())
     for _ in range(MAX_ROUNDS):
         present = optimum.variables
         links = usable_links(scene.problem, present.poses, scene.settings)
@@ -62,6 +65,33 @@ def _solve_rounds(scene: Scene) -> tuple[Optimum, Found]:
             break
         optimum = _solve_once(scene, _enter(scene, present, found), found, links)
     return optimum, found
+
+
+def _with_honest_matches(scene: Scene, optimum: Optimum) -> Scene:
+    """The scene with the covariances of its matches scaled to how well the matches agree.
+
+    Where more matches than needed disagree by more than their covariances say, these are too small:
+    all are multiplied by the variance of unit weight (chi-square by degrees of freedom). They are
+    never made smaller.
+    """
+    graph = _match_factors(scene)
+    freedom = 3 * (graph.size() - (len(scene.start.group) - 1))
+    if freedom <= 0:
+        return scene
+    factor = max(1.0, 2.0 * graph.error(optimum.values) / freedom)
+    matches = tuple(replace(m, covariance=factor * m.covariance) for m in scene.problem.matches)
+    return replace(scene, problem=replace(scene.problem, matches=matches))
+
+
+def _match_factors(scene: Scene) -> gtsam.NonlinearFactorGraph:
+    """Between factors of all matches of the solved group."""
+    graph = gtsam.NonlinearFactorGraph()
+    indices, group = Indices.of(scene.problem), scene.start.group
+    for match in scene.problem.matches:
+        if match.target in group and match.source in group:
+            ends = (indices.stations[match.target], indices.stations[match.source])
+            graph.push_back(factors.match_factor(match, *ends))
+    return graph
 
 
 def _enter(scene: Scene, present: Variables, found: Found) -> Variables:
@@ -95,12 +125,7 @@ def _solve_once(
 
 def _fixed_factors(scene: Scene, start: Variables, with_offset: bool) -> gtsam.NonlinearFactorGraph:
     """Matches and priors: all that does not depend on how long the ranges are."""
-    graph = gtsam.NonlinearFactorGraph()
-    indices = Indices.of(scene.problem)
-    for match in scene.problem.matches:
-        if match.target in scene.start.poses and match.source in scene.start.poses:
-            ends = (indices.stations[match.target], indices.stations[match.source])
-            graph.push_back(factors.match_factor(match, *ends))
+    graph, indices = _match_factors(scene), Indices.of(scene.problem)
     gauge = scene.start.gauge
     if gauge is not None and not (scene.start.in_site and start.anchors):
         graph.push_back(factors.gauge_factor(indices.stations[gauge], scene.start.poses[gauge]))

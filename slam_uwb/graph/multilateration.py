@@ -8,10 +8,11 @@ import numpy as np
 
 from ..model.geometry import FloatArray, Matrix2, Points, Vector2
 from ..model.settings import GraphSettings
-from ..model.solution import Alternative, Status
-from .initial import (
+from ..model.solution import Status
+from .sightings import (
     Finding,
     Sightings,
+    equal_places,
     height_candidates,
     height_covariance,
     mirror_image,
@@ -57,16 +58,10 @@ def fit_point(
     finding = Finding(Status.OK, best.place, sought, count)
     variance = _variance(best.squares, sightings)
     costs = np.array([(fit.squares - best.squares) / (2.0 * variance) for fit in fits])
-    near = costs <= settings.mirror_cost_gap
-    if near.sum() > 1:
-        weights = np.exp(-costs[near]) / np.exp(-costs[near]).sum()
-        twins = [fit for fit, is_near in zip(fits, near, strict=True) if is_near]
-        others = tuple(
-            Alternative(float(twin.place[0]), float(twin.place[1]), None, float(weight))
-            for twin, weight in zip(twins, weights, strict=True)
-        )
-        ambiguous = replace(finding, place=None, alternatives=others)
-        return replace(ambiguous, status=Status.MIRROR_AMBIGUOUS), None
+    places = np.array([fit.place for fit in fits])
+    if others := equal_places(places, costs, settings.mirror_cost_gap):
+        finding = replace(finding, status=Status.MIRROR_AMBIGUOUS, place=None, alternatives=others)
+        return finding, None
     if height is None:
         extra = height_covariance(best.place, sought, sightings, settings)
         finding = replace(finding, status=Status.WEAK_GEOMETRY, extra=extra)

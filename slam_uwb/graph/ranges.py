@@ -13,19 +13,8 @@ from ..model.geometry import FloatArray, Points, Pose2, Vector2
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
 from ..model.survey import AnchorId, RangeOffset, StationId
-from .initial import Sightings
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Variables:
-    """What is solved for, in one frame."""
-
-    poses: dict[StationId, Pose2]
-    """frame_T_station."""
-    anchors: dict[AnchorId, Vector2]
-    """(2,) m."""
-    offset: float
-    """m."""
+from .sightings import Sightings
+from .variables import Variables
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,14 +16,15 @@ from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
 from ..model.solution import GraphEstimate, Status
 from ..model.survey import Anchor, AnchorId, KnownPlace, Station, StationId
-from .chain import compose_chain, spanning_tree
+from .chain import compose_chain, held_together, spanning_tree
 from .estimate import Solved, build_estimate, joint_order
 from .factors import GAUGE_SIGMA, WEAK_HEADING_SIGMA
 from .find import Scene
 from .frame import alignment_covariance, choose_start, tie_to_site
-from .initial import Finding
 from .multilateration import fit_point
-from .ranges import Variables, anchor_sightings, link_reasons, station_sightings
+from .ranges import anchor_sightings, link_reasons, station_sightings
+from .sightings import Finding
+from .variables import Variables
 
 Fitted = tuple[Finding, Matrix2 | None]
 
@@ -55,11 +56,11 @@ def solve_sequential(problem: GraphProblem, settings: GraphSettings) -> GraphEst
 
 def _chained(problem: GraphProblem) -> GraphProblem:
     """The problem with poses by eq. 6-9 as its placement and plain averages as its ranges."""
-    placed = [station.id for station in problem.stations if station.id in problem.placement]
+    names = held_together(problem)
     poses: dict[StationId, Pose2] = {}
-    if placed:
+    if names:
         tree = spanning_tree(problem)
-        poses = compose_chain(tree, placed[0], Pose2.identity(), np.zeros((3, 3))).poses
+        poses = compose_chain(tree, names[0], Pose2.identity(), np.zeros((3, 3))).poses
     links = tuple(replace(link, distance=link.mean) for link in problem.links)
     return replace(problem, placement=poses, links=links)
 
@@ -139,7 +140,7 @@ def _joint_covariance(
     size = 3 * len(stations)
     covariance = np.zeros((size + 2 * len(anchors),) * 2)
     rows = {name: np.arange(3 * k, 3 * k + 3) for k, name in enumerate(stations)}
-    chained = [name for name in stations if name in scene.problem.placement]
+    chained = [name for name in stations if name in scene.start.group]
     if chained:
         root = chained[0]
         chain = compose_chain(
@@ -152,7 +153,7 @@ def _joint_covariance(
         covariance[np.ix_(at, at)] = chain.covariance
     known = {station.id: station for station in scene.problem.stations}
     for name in stations:
-        if name not in scene.problem.placement:
+        if name not in scene.start.group:
             block = _lone_covariance(known[name], lost.get(name))
             covariance[np.ix_(rows[name], rows[name])] = block
     for k, anchor in enumerate(anchors):
@@ -175,7 +176,7 @@ def _lone_covariance(station: Station, found: Fitted | None) -> Matrix3:
 
 def _root_covariance(scene: Scene, variables: Variables, root: StationId) -> Matrix3:
     """(3, 3) of the chain's first station: the gauge's, or the alignment's on control points."""
-    problem, chained = scene.problem, scene.problem.placement
+    problem, chained = scene.problem, scene.start.group
     if not scene.start.in_site:
         return GAUGE_SIGMA**2 * np.eye(3)
     controls = [

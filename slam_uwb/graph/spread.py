@@ -15,9 +15,10 @@ from ..model.geometry import FloatArray, Matrix2, Vector2
 from ..model.survey import RangeOffset
 from .estimate import joint_order
 from .find import Found, Scene
-from .initial import Finding, Sightings
 from .losses import one_sided_cost
-from .ranges import Variables, anchor_sightings, station_sightings, usable_links
+from .ranges import anchor_sightings, station_sightings, usable_links
+from .sightings import Finding, Sightings
+from .variables import Variables
 
 REACH = 12.0
 """Standard deviations looked at on each axis: far into the tails, short of mirror images."""
@@ -95,16 +96,17 @@ def tail_covariance(
     steps = np.linspace(-REACH, REACH, STEPS)
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     delta = (grid * np.sqrt(variances)) @ axes.T
-    # Residuals without offset once; the offset only shifts them.
-    residuals = seen.residuals(place + delta, height, offset.mean)
-    nodes, weights = np.polynomial.hermite_e.hermegauss(OFFSETS)
-    costs = np.array(
-        [
-            one_sided_cost(residuals - offset.sigma * node, seen.sigmas, scale).sum(axis=1)
-            for node in nodes
-        ]
-    )
-    likelihood = weights @ np.exp(costs.min() - costs)
-    moment = (delta * (likelihood / likelihood.sum())[:, None]).T @ delta
+    weights = _likelihood(seen.residuals(place + delta, height, offset.mean), seen, offset, scale)
+    moment = (delta * (weights / weights.sum())[:, None]).T @ delta
     excess, directions = np.linalg.eigh(moment - covariance)
     return np.asarray((directions * np.maximum(excess, 0.0)) @ directions.T)
+
+
+def _likelihood(
+    residuals: FloatArray, seen: Sightings, offset: RangeOffset, scale: float
+) -> FloatArray:
+    """(K,) likelihood, up to a factor, of K places with residuals (K, N), over all offsets."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(OFFSETS)
+    shifted = [residuals - offset.sigma * node for node in nodes]
+    costs = np.array([one_sided_cost(r, seen.sigmas, scale).sum(axis=1) for r in shifted])
+    return np.asarray(weights @ np.exp(costs.min() - costs))

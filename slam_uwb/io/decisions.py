@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 
 import numpy as np
 
@@ -46,44 +46,45 @@ def _decision(
 ) -> Decision | None:
     line = int(table.lines[row])
     kind, a, b, verdict = (table.texts[name][row] for name in ("kind", "a", "b", "decision"))
-    if kind not in ("pair", "link"):
-        findings.fault(table.name, f"{shown(kind)}: expected pair or link", line, "kind")
-        return None
-    others: Mapping[str, str] = names.stations if kind == "pair" else names.anchors
-    problems = {
-        "a": f"{shown(a)}: no such station" if a not in names.stations else None,
-        "b": f"{shown(b)}: no such {'station' if kind == 'pair' else 'anchor'}"
-        if b not in others
-        else None,
-        "decision": _verdict_problem(kind, verdict),
-    }
-    if verdict == "guess" and kind == "pair":
-        problems |= {
-            name: None if np.isfinite(value) else f"{value:g}: a guess needs a finite number"
-            for name, value in zip(GUESS, guess, strict=True)
-        }
-    if a == b and kind == "pair":
-        problems["b"] = f"{shown(b)}: expected another station than a"
+    problems = _problems(kind, a, b, verdict, guess, names)
     for column, problem in problems.items():
-        if problem is not None:
-            findings.fault(table.name, problem, line, column)
-    if any(problems.values()):
+        findings.fault(table.name, problem, line, column)
+    if problems:
         return None
-    target = others[b]
+    # A radio's identifier stands for its anchor; a pair is the same pair either way round.
+    target = b if kind == "pair" else names.anchors[b]
     key = (kind, *sorted((a, target))) if kind == "pair" else (kind, a, target)
     if key in decided:
-        findings.fault(
-            table.name, f"{kind} {a}, {b} was already decided in line {decided[key]}", line
-        )
+        problem = f"{kind} {a}, {b} was already decided in line {decided[key]}"
+        findings.fault(table.name, problem, line)
     decided.setdefault(key, line)
-    pose = Pose2(float(guess[0]), float(guess[1]), float(radians_from_degrees(guess[2])))
-    return Decision(kind, a, target, verdict, pose if verdict == "guess" else None)
+    pose = None
+    if verdict == "guess":
+        x, y, yaw = guess.tolist()
+        pose = Pose2(x, y, float(radians_from_degrees(yaw)))
+    return Decision(kind, a, target, verdict, pose)
 
 
-def _verdict_problem(kind: str, verdict: str) -> str | None:
+def _problems(
+    kind: str, a: str, b: str, verdict: str, guess: FloatArray, names: Names
+) -> dict[str, str]:
+    """What is wrong in which column."""
+    if kind not in ("pair", "link"):
+        return {"kind": f"{shown(kind)}: expected pair or link"}
+    problems: dict[str, str] = {}
+    if a not in names.stations:
+        problems["a"] = f"{shown(a)}: no such station"
+    if b not in (names.stations if kind == "pair" else names.anchors):
+        problems["b"] = f"{shown(b)}: no such {'station' if kind == 'pair' else 'anchor'}"
+    elif kind == "pair" and a == b:
+        problems["b"] = f"{shown(b)}: expected another station than a"
     allowed = ("keep", "drop", "guess") if kind == "pair" else ("keep", "drop")
-    return (
-        None
-        if verdict in allowed
-        else f"{shown(verdict)}: expected {' or '.join(allowed)} for a {kind}"
-    )
+    if verdict not in allowed:
+        problems["decision"] = f"{shown(verdict)}: expected {' or '.join(allowed)} for a {kind}"
+    elif verdict == "guess":
+        problems |= {
+            name: f"{value:g}: a guess needs a finite number"
+            for name, value in zip(GUESS, guess.tolist(), strict=True)
+            if not math.isfinite(value)
+        }
+    return problems

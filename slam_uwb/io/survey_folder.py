@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ..model.survey import (
 )
 from .decisions import read_decisions
 from .degrees import radians_from_degrees
-from .files import MAX_TOML_BYTES, FolderReader
+from .files import MAX_TOML_BYTES, FileContent, FolderReader
 from .findings import Findings, shown
 from .survey_checks import fault_of_layout, warn_of_doubts
 from .survey_rows import Names, read_anchor_ranges, read_periods, read_ranges, read_scan
@@ -71,45 +72,55 @@ def _read(folder: Path, findings: Findings) -> Survey | None:
     toml = None if content is None else parse_survey_toml(content, findings)
     if toml is None:
         return None
+    survey = _survey(toml, reader, folder.resolve().name)
+    fault_of_layout(survey, toml, has_ranges=_was_read(reader, "ranges.csv", "twr.csv"))
+    warn_of_doubts(survey, toml)
+    # Last: by now everything that the survey uses was read.
+    return replace(survey, checksum=reader.checksum())
+
+
+def _survey(toml: SurveyToml, reader: FolderReader, folder_name: str) -> Survey:
     names = _names(toml)
-    stations = tuple(_station(index, table, toml, reader) for index, table in toml.stations)
-    anchors = tuple(_anchor(table) for _, table in toml.anchors)
-    periods_file = reader.read_optional("twr.csv")
-    periods = () if periods_file is None else read_periods(periods_file, names, findings)
-    ranges_file = reader.read_optional("ranges.csv")
-    ranges = () if ranges_file is None else read_ranges(ranges_file, names, findings)
-    between_file = reader.read_optional("anchor_ranges.csv")
-    decisions_file = reader.read_optional("decisions.csv")
-    # The exchange says more than the device's own distance, so where both exist it is the one taken.
+    ranges = _rows("ranges.csv", read_ranges, names, reader)
+    periods = _rows("twr.csv", read_periods, names, reader)
+    # The exchange says more than the device's own distance: where both exist it is taken.
     exchanged = {(link.station, link.anchor) for link in periods}
     tag = toml.tag
-    survey = Survey(
-        name=_name(toml, folder),
-        stations=stations,
-        anchors=anchors,
+    return Survey(
+        name=_name(toml, folder_name),
+        stations=tuple(_station(index, table, toml, reader) for index, table in toml.stations),
+        anchors=tuple(_anchor(table) for _, table in toml.anchors),
         ranges=tuple(link for link in ranges if (link.station, link.anchor) not in exchanged),
         periods=periods,
-        anchor_ranges=()
-        if between_file is None
-        else read_anchor_ranges(between_file, names, findings),
+        anchor_ranges=_rows("anchor_ranges.csv", read_anchor_ranges, names, reader),
         sequence=_sequence(toml, names),
         tag_offset=(0.0, 0.0) if tag is None else (tag.offset_x_m, tag.offset_y_m),
         range_offset=_range_offset(toml),
-        decisions=() if decisions_file is None else read_decisions(decisions_file, names, findings),
-        checksum=reader.checksum(),
+        decisions=_rows("decisions.csv", read_decisions, names, reader),
     )
-    fault_of_layout(survey, toml, has_ranges=ranges_file is not None or periods_file is not None)
-    warn_of_doubts(survey, toml)
-    return survey
 
 
-def _name(toml: SurveyToml, folder: Path) -> str:
+_Read = TypeVar("_Read")
+
+
+def _rows(
+    name: str,
+    read: Callable[[FileContent, Names, Findings], tuple[_Read, ...]],
+    names: Names,
+    reader: FolderReader,
+) -> tuple[_Read, ...]:
+    content = reader.read_optional(name)
+    return () if content is None else read(content, names, reader.findings)
+
+
+def _was_read(reader: FolderReader, *names: str) -> bool:
+    return not reader.digests.keys().isdisjoint([*names, *(f"{name}.gz" for name in names)])
+
+
+def _name(toml: SurveyToml, folder_name: str) -> str:
     if toml.top.name is None:
-        toml.warn(
-            ("name",), f" is missing: the folder's name {shown(folder.resolve().name)} is taken"
-        )
-        return folder.resolve().name
-    return toml.top.name
+        toml.warn(("name",), f" is missing: the folder's, {shown(folder_name)}, is taken")
+    return toml.top.name or folder_name
 
 
 def _names(toml: SurveyToml) -> Names:

@@ -51,23 +51,22 @@ def write_survey(
         ValueError: what one survey.toml cannot say (two `max_range`; a tag height here, none there).
     """
     refuse_foreign(folder, SURVEY_TOML, "survey folder")
-    files: dict[str, bytes] = {}
-    for station in survey.stations:
-        for _, name, scan in recordings(station):
-            files[f"{name}.csv"] = _scan_csv(scan, angle_direction, decimals)
-    files |= _rows(survey, decimals)
     suffix = ".gz" if compress else ""
+    files = {
+        f"{name}.csv": _scan_csv(scan, angle_direction, decimals)
+        for station in survey.stations
+        for _, name, scan in recordings(station)
+    }
     # Without name and time of writing, equal contents are equal files.
     packed = {
         f"{name}{suffix}": gzip.compress(data, 6, mtime=0) if compress else data
-        for name, data in files.items()
+        for name, data in (files | _rows(survey, decimals)).items()
     }
-    packed |= _reference_files(reference, link_truth)
     packed[SURVEY_TOML] = survey_toml(survey, suffix, angle_direction, lidar_model).encode()
     if survey.decisions:
-        # A person edits this one.
+        # Never packed: a person edits this one.
         packed["decisions.csv"] = _decisions_csv(survey.decisions, decimals)
-    replace_folder(folder, packed)
+    replace_folder(folder, packed | _reference_files(reference, link_truth))
 
 
 def _scan_csv(scan: Scan, angle_direction: str, decimals: int | None) -> bytes:

@@ -79,6 +79,7 @@ def rematch_pairs(
     placement: Mapping[StationId, Pose2],
     pairs: Sequence[tuple[StationId, StationId]],
     settings: MatchingSettings,
+    steps: int = 6,
 ) -> tuple[ScanMatch, ...]:
     """Matches of the pairs that overlap at a placement, refined once more from there.
 
@@ -91,7 +92,9 @@ def rematch_pairs(
         if target not in placement or source not in placement:
             continue
         start = placement[target].inverse() @ placement[source]
-        poses, converged = polish(scans[target], scans[source], start.vector[None, :], settings)
+        poses, converged = polish(
+            scans[target], scans[source], start.vector[None, :], settings, steps
+        )
         match = describe_match(scans[target], scans[source], poses[0], 0, settings)
         stayed = match.target_T_source.distance_to(start) < settings.fine_gate_m
         if converged[0] and stayed and match.score >= settings.min_evidence_m:

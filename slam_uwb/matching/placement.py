@@ -8,7 +8,7 @@ apart.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -27,6 +27,17 @@ _STRIDE = 2  # every second point is enough to weigh walls
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
 _CANDIDATES = 10
+
+
+RangeGain = Callable[[Mapping[StationId, Pose2], Mapping[StationId, Pose2], FloatArray], FloatArray]
+"""(a_T_station, b_T_station, candidates a_T_b (K, 3)) -> (K,) log likelihood ratio of the ranges."""
+
+
+def no_ranges(
+    _a: Mapping[StationId, Pose2], _b: Mapping[StationId, Pose2], candidates: FloatArray
+) -> FloatArray:
+    """Ranges that say nothing."""
+    return np.zeros(len(candidates))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +75,7 @@ def place_stations(
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
+    range_gain: RangeGain = no_ranges,
     progress: Progress = silent,
 ) -> tuple[Block, ...]:
     """Merge stations into blocks that hold together, the largest first.
@@ -72,6 +84,7 @@ def place_stations(
         scans: Every station that has one, in the survey's order.
         hypotheses: All of all pairs.
         settings: `violation_weight` and `min_margin_m` (metres of wall, each counted once).
+        range_gain: What the ranges say of a way to merge two blocks, nats; one counts as a metre.
         progress: Told after each merge.
 
     Returns:
@@ -79,7 +92,7 @@ def place_stations(
         block alone.
     """
     blocks = {index: _single(station, scans[station]) for index, station in enumerate(scans)}
-    merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, hypotheses, settings)
+    merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, hypotheses, settings, range_gain)
               for pair in combinations(blocks, 2)}  # fmt: skip
     count = len(blocks)
     while True:
@@ -95,7 +108,7 @@ def place_stations(
         merged = _merged(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
         merges = {pair: kept for pair, kept in merges.items() if not {a, b} & set(pair)}
         merges |= {
-            (old, new): _best_merge(block, merged, scans, hypotheses, settings)
+            (old, new): _best_merge(block, merged, scans, hypotheses, settings, range_gain)
             for old, block in blocks.items()
         }
         blocks[new] = merged
@@ -135,6 +148,7 @@ def _best_merge(
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
+    range_gain: RangeGain,
 ) -> _Merge | None:
     """The relative pose of two blocks with the highest gain in evidence; None where no hypothesis joins them."""
     candidates = _candidates(a, b, hypotheses)
@@ -142,6 +156,12 @@ def _best_merge(
         return None
     candidates = _align(a, b, candidates, scans)
     gains = _gains(a, b, candidates, scans, settings)
+    # What the walls deny, no range can save: ranges choose among what the walls allow.
+    allowed = gains >= settings.min_margin_m
+    if not allowed.any():
+        return None
+    candidates = candidates[allowed]
+    gains = gains[allowed] + range_gain(a.poses, b.poses, candidates)
     best = int(np.argmax(gains))
     away = np.hypot(*(candidates[:, :2] - candidates[best, :2]).T)
     turned = np.abs(

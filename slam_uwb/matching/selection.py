@@ -12,11 +12,12 @@ from ..model.survey import StationId
 from .hypotheses import rematch_pairs
 from .index import ScanIndex
 from .pairs import Pair
-from .placement import place_stations
+from .placement import RangeGain, no_ranges, place_stations
 
 Adjust = Callable[[Mapping[StationId, Pose2], Sequence[ScanMatch]], dict[StationId, Pose2]]
 """Moves a placement to where its matches agree best: a pose graph, which another step brings."""
 
+_UNTIL_STILL = 40  # steps; the last refinement ends where nothing moves any more
 _SAME_M, _SAME_RAD = (
     0.25,
     0.1,
@@ -41,6 +42,7 @@ def select_matches(
     pairs: Sequence[Pair],
     settings: MatchingSettings,
     adjust: Adjust,
+    range_gain: RangeGain = no_ranges,
     progress: Progress = silent,
 ) -> Selection:
     """Choose among the hypotheses as `settings.placement` says.
@@ -54,12 +56,12 @@ def select_matches(
         placement = spanning_placement(tuple(scans), used)
         used = tuple(match for match in used if match.source in placement)
         return Selection(placement, used, _with_reasons(hypotheses, used, placement))
-    blocks = place_stations(scans, hypotheses, settings, progress)
+    blocks = place_stations(scans, hypotheses, settings, range_gain, progress)
     placement = dict(blocks[0].poses) if blocks else {}
     used = rematch_pairs(scans, placement, pairs, settings)
-    for _ in range(2):
+    for steps in (6, _UNTIL_STILL):
         placement = adjust(placement, used)
-        used = rematch_pairs(scans, placement, pairs, settings)
+        used = rematch_pairs(scans, placement, pairs, settings, steps)
     placement = _largest_group(placement, used)
     used = tuple(match for match in used if match.target in placement and match.source in placement)
     return Selection(placement, used, _with_reasons(hypotheses, used, placement))

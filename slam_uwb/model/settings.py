@@ -119,7 +119,7 @@ class MatchingSettings(_Section):
         0.2, gt=0.0, description="last stage of the refiner: points further apart do not pair"
     )
     violation_weight: float = Field(
-        1.5,
+        10.0,
         ge=0.0,
         description="how many metres of confirmed wall one metre looked through outweighs",
     )

@@ -1,11 +1,14 @@
 """Range samples -> one measurement a link."""
 
+from .agreement import RangeGain, range_gain
 from .reduce import reduce_anchor_links, reduce_links
 from .two_way import asymmetric_bias, asymmetric_distances, symmetric_bias, symmetric_distances
 
 __all__ = [
+    "RangeGain",
     "asymmetric_bias",
     "asymmetric_distances",
+    "range_gain",
     "reduce_anchor_links",
     "reduce_links",
     "symmetric_bias",

@@ -62,9 +62,10 @@ def test_workers_end_quietly_too(interrupt, pristine_survey, tmp_path):
 def test_a_job_that_ignores_interrupts_goes_on(program, pristine_survey, tmp_path):
     # As a shell starts a job in the background: Ctrl-C is for the one in front.
     out = tmp_path / "out"
-    command = f"trap '' INT; exec {program} solve {pristine_survey} --out {out} --verbose"
+    ignoring = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh"]
+    command = [program, "solve", str(pristine_survey), "--out", str(out), "--verbose"]
     with subprocess.Popen(
-        ["sh", "-c", command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*ignoring, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert any("matching scans: 1 of" in line for line in iter(process.stderr.readline, ""))
         process.send_signal(signal.SIGINT)

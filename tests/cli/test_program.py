@@ -112,7 +112,7 @@ def test_verbose_shows_where_the_bug_is(arguments):
 def test_a_reader_that_leaves_early_is_no_bug():
     # As in `slam-uwb settings | head -1`.
     done = subprocess.run(
-        ["sh", "-c", f"{sys.executable} -m slam_uwb settings | true"],
+        ["sh", "-c", '"$0" -m slam_uwb settings | true', sys.executable],
         capture_output=True,
         text=True,
         check=False,

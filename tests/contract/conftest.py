@@ -45,7 +45,7 @@ class Scene:
     no_scan: set[str] = field(default_factory=set)
     tag_heights: dict[str, float] = field(default_factory=dict)
     lever: tuple[float, float] = (0.0, 0.0)
-    range_offset: RangeOffset | None = RangeOffset(0.0, 0.05)
+    range_offset: RangeOffset | None = field(default_factory=lambda: RangeOffset(0.0, 0.05))
     true_offset: float = 0.0
     max_pair: float = 3.5
     deaf: set[tuple[str, str]] = field(default_factory=set)

@@ -16,6 +16,8 @@ _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone le
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
 _COARSE = 3  # every third point is enough to find the basin
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
+_SHRINK = 0.7
+_STILL = 1e-8  # m and rad; nothing moves any more
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
 
@@ -56,10 +58,19 @@ def polish(
     """The fine stage alone, for poses already within about 0.2 m and 5 degrees."""
     step = np.full((len(poses), 3), np.inf)
     for iteration in range(steps):
-        scale = _CAUCHY_M if iteration < steps // 2 else None
+        # The scale shrinks step by step: at once, the many points of one wall would set it, and the
+        # few that hold the other direction would be outliers before they have settled.
         poses, step = _step(
-            target, source, poses, gate=settings.fine_gate_m, scale=scale, stride=1, both_ways=True
+            target,
+            source,
+            poses,
+            gate=settings.fine_gate_m,
+            scale=_CAUCHY_M * _SHRINK**iteration,
+            stride=1,
+            both_ways=True,
         )
+        if np.abs(step).max(initial=0.0) < _STILL:
+            break
     return poses, (np.abs(step) < _SETTLED).all(axis=1)
 
 
@@ -69,7 +80,7 @@ def _step(
     poses: FloatArray,
     *,
     gate: float,
-    scale: float | None,
+    scale: float,
     stride: int,
     both_ways: bool,
 ) -> tuple[FloatArray, FloatArray]:
@@ -85,7 +96,7 @@ def _step(
         residual = np.concatenate([residual, back_residual], axis=1)
         jacobian = np.concatenate([jacobian, -back_jacobian @ adjoints(poses)], axis=1)
         weight = np.concatenate([weight, back_weight], axis=1)
-    loss_scale = _own_scale(residual, weight) if scale is None else np.full((len(poses), 1), scale)
+    loss_scale = np.maximum(scale, _own_scale(residual, weight) if both_ways else 0.0)
     weight = weight / (1.0 + (residual / loss_scale) ** 2)
     weighted = jacobian * weight[:, :, None]
     hessian = np.swapaxes(jacobian, 1, 2) @ weighted

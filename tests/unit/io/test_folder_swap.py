@@ -41,6 +41,14 @@ def test_replaces_everything(out):
     assert [path.name for path in out.parent.iterdir()] == ["out"]
 
 
+def test_two_names_of_one_file_do_not_overwrite_each_other(out):
+    """As S1.csv and s1.csv are where case does not count."""
+    had_old = out.exists()
+    with pytest.raises(FileExistsError):
+        replace_folder(out, {"sub/b.txt": b"1", "sub//b.txt": b"2"})
+    assert_untouched(out, had_old)
+
+
 def test_permissions_are_those_of_any_new_folder(out):
     replace_folder(out, NEW)
     plain = out.parent / "plain"
@@ -143,9 +151,11 @@ def test_interrupted(out, moment):
     """Ctrl-C between two files, or between the two renames."""
     had_old = out.exists()
     code = f"""
-        import os, sys, time
+        import os, signal, sys, time
         from pathlib import Path
         from slam_uwb.io.folder_swap import replace_folder
+        # A test run in the background would hand on that the signal is ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         home, name = (os, "fsync") if "{moment}" == "fsync" else (Path, "rename")
         real = getattr(home, name)
         def slow(*arguments):

@@ -1,4 +1,5 @@
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +45,7 @@ def test_file_named_like_a_preset_needs_a_path(tmp_path, monkeypatch):
     (tmp_path / "paper").write_text("[scan]\nbin_deg = 2\n")
     assert read_settings("paper") == PRESETS["paper"]
     assert read_settings("./paper").scan.bin_deg == 2.0
+    assert read_settings(Path("paper")).scan.bin_deg == 2.0
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,7 @@
+import base64
 import json
+import tracemalloc
+import zlib
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
@@ -9,6 +12,7 @@ from PIL import Image
 
 import slam_uwb.io
 from slam_uwb.io import read_settings, read_solution, write_solution
+from slam_uwb.io.floor_map_files import unpack
 from slam_uwb.io.solution_document import solution_schema
 from slam_uwb.model.errors import SlamUwbError, SurveyFormatError
 from slam_uwb.model.geometry import Pose2
@@ -155,6 +159,17 @@ def test_stations_csv(solution, tmp_path):
         "s04,,,,,,,disconnected",
         "s05,,,,,,,ambiguous",
     ]
+
+
+def test_sigmas_turn_with_the_station(solution, tmp_path):
+    # At 45 degrees x_world = (x - y) / sqrt(2), so its variance is (vx + vy) / 2 - cov, and that
+    # of y_world is (vx + vy) / 2 + cov: 0.25 -+ 0.09 are the squares of 0.4 and 0.583095.
+    own = np.diag([0.25, 0.25, 0.0])
+    own[0, 1] = own[1, 0] = 0.09
+    station = StationEstimate("s01", Pose2(0.0, 0.0, np.pi / 4), own, Status.OK)
+    write_solution(replace(solution, stations=(station,)), tmp_path / "out")
+    row = lines(tmp_path / "out", "stations.csv")[1]
+    assert row == "s01,0.0000,0.0000,45.0000,0.400000,0.583095,0.000000,ok"
 
 
 def test_anchors_csv(solution, tmp_path):
@@ -360,6 +375,16 @@ def test_damaged_solution_json(solution, tmp_path, damage, expected):
         read_solution(tmp_path / "out")
     assert str(raised.value).startswith(expected)
     assert len(str(raised.value).splitlines()) == 1
+
+
+def test_map_bomb_is_not_expanded():
+    bomb = base64.b64encode(zlib.compress(bytes(100_000_000))).decode()
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="does not hold the 6 cells of a 2 x 3 map"):
+        unpack(bomb, 2, 3)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2_000_000
 
 
 def test_missing_solution(tmp_path):

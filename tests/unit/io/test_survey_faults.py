@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import tracemalloc
 
 import pytest
 
@@ -25,6 +26,10 @@ CELLS = {
         f'{S1}:3: range_m: "1.2.3": expected a number',
     ),
     "grouped digits": ({S1: HEAD + "0,1_0\n"}, f'{S1}:2: range_m: "1_0": expected a number'),
+    "digits of another script": (
+        {S1: HEAD + "0,\u0663\n"},
+        f'{S1}:2: range_m: "\u0663": expected a number',
+    ),
     "text in an angle": (
         {S1: HEAD + "0,1\n\neast,1\n"},
         f'{S1}:4: angle_deg: "east": expected a number',
@@ -240,6 +245,16 @@ def test_key(make_survey, case):
     assert the_fault(make_survey({TOML: change})) == f"{TOML}{expected}"
 
 
+def test_no_line_is_better_than_a_wrong_one(make_survey):
+    """A header inside a string would shift the count of the tables."""
+    text = (make_survey(folder="text") / TOML).read_text()
+    text = text.replace('id = "s02"', 'id = "s02"\ntag_height_m = 99')
+    notes = 'x_notes = """\n[[stations]]\n"""\n[lidar]'
+    assert the_fault(make_survey({TOML: text})).startswith(f"{TOML}:18: stations[1].tag_height_m")
+    folder = make_survey({TOML: text.replace("[lidar]", notes)}, "noted")
+    assert the_fault(folder).startswith(f"{TOML}: stations[1].tag_height_m = 99")
+
+
 def test_lever_arm_without_heading(make_survey):
     text = (make_survey(folder="text") / TOML).read_text()
     text = text.replace("height_m = 1.4", "height_m = 1.4\noffset_x_m = 0.3\noffset_y_m = 0.4")
@@ -361,8 +376,6 @@ def test_gzip_bomb_is_not_expanded(make_survey):
     packed = gzip.compress(b"\n" * 300_000_000, 1)
     folder = make_survey({S1: None, S1 + ".gz": packed})
     limit = f"{files.MAX_FILE_BYTES:,}"
-    import tracemalloc
-
     tracemalloc.start()
     fault = the_fault(folder)
     peak = tracemalloc.get_traced_memory()[1]

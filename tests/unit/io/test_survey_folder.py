@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from slam_uwb.io import check_survey, read_survey
+from slam_uwb.io.files import FolderReader
+from slam_uwb.io.findings import Findings
 from slam_uwb.model.errors import SurveyFormatError
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.survey import Decision, KnownPlace, RangeOffset
@@ -199,6 +201,21 @@ def test_checksum_is_of_the_files_wherever_they_lie(make_survey):
     text = (moved / TOML).read_text()
     (moved / TOML).write_text(text.replace("scans/s01.csv", "scans/s1.csv"))
     assert read_survey(moved).checksum != checksum
+
+
+def test_checksum_is_of_names_too(tmp_path):
+    """The same contents under another name are another survey; the order of reading is not."""
+    for name in ("a.csv", "b.csv", "c.csv"):
+        (tmp_path / name).write_text("same" if name != "b.csv" else "other")
+
+    def checksum(*names):
+        reader = FolderReader(tmp_path.resolve(), Findings())
+        for name in names:
+            reader.read(name)
+        return reader.checksum()
+
+    assert checksum("a.csv", "b.csv") == checksum("b.csv", "a.csv")
+    assert checksum("a.csv") != checksum("c.csv")
 
 
 def test_every_fault_at_once(make_survey):

@@ -127,3 +127,9 @@ def test_thousands_are_counted(make_survey):
     warnings = check_survey(folder).warnings
     assert len(warnings) == 21
     assert str(warnings[-1]) == "ranges.csv: range_m: 980 more of these"
+
+
+def test_survey_without_a_name(make_survey):
+    folder = make_survey({TOML: ('name = "two rooms"\n', "")})
+    assert the_warning(folder) == f'{TOML}: name is missing: the folder\'s, "survey", is taken'
+    assert check_survey(folder).survey.name == "survey"

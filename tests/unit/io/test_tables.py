@@ -43,6 +43,9 @@ def test_fast_way_takes_what_recordings_look_like():
     fast = tables._read_numbers(body, ["a", "b"], list(COLUMNS), "t.csv")
     np.testing.assert_array_equal(fast.numbers["b"], [2.0, np.nan, np.nan, 0.0])
     np.testing.assert_array_equal(fast.lines, [2, 3, 4, 5])
+    wide = [*COLUMNS, Column("c", may_be_empty=True), Column("d", may_be_empty=True)]
+    fast = tables._read_numbers("1,,,\n2,,,5\n", ["a", "b", "c", "d"], wide, "t.csv")
+    np.testing.assert_array_equal(fast.numbers["d"], [np.nan, 5.0])
 
 
 @settings(deadline=None)

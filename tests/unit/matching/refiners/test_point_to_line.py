@@ -1,0 +1,211 @@
+import math
+
+import numpy as np
+import pytest
+
+from slam_uwb.matching.batch import compose, transform
+from slam_uwb.matching.refiners.point_to_line import (
+    correspondences,
+    polish,
+    refine_point_to_line,
+)
+from slam_uwb.model.geometry import Pose2
+
+MANY = 40
+"""Steps of polishing after which nothing moves."""
+
+
+def off(truth, distance=0.2, degrees=10.0, direction=0.0):
+    step = Pose2(
+        distance * math.cos(direction), distance * math.sin(direction), math.radians(degrees)
+    )
+    return (truth @ step).vector[None]
+
+
+@pytest.mark.parametrize("direction", np.radians([0, 60, 120, 180, 240, 300]))
+@pytest.mark.parametrize("degrees", [10.0, -10.0])
+def test_exact_scans_come_together_exactly(view, room, error, settings, direction, degrees):
+    a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
+    target, source, truth = view("a", room, a), view("b", room, b), a.inverse() @ b
+    poses, converged = refine_point_to_line(
+        target, source, off(truth, 0.2, degrees, direction), settings
+    )
+    assert converged.tolist() == [True]
+    assert error(poses[0], truth).max() < 1e-3
+    poses, converged = polish(target, source, poses, settings, MANY)
+    assert converged.tolist() == [True]
+    assert error(poses[0], truth).max() < 1e-6
+
+
+def test_the_truth_of_exact_scans_is_left_where_it_is(view, room, error, settings):
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        a, b = (
+            Pose2(rng.uniform(0.7, 3.5), rng.uniform(0.7, 2.5), rng.uniform(-3, 3)) for _ in "ab"
+        )
+        truth = a.inverse() @ b
+        target, source = view("a", room, a), view("b", room, b)
+        poses, _ = polish(target, source, truth.vector[None], settings)
+        # Points at corners, whose normals are wrong, pull a little until they are found to be outliers.
+        assert error(poses[0], truth).max() < 1e-3
+        poses, _ = polish(target, source, poses, settings, MANY)
+        assert error(poses[0], truth).max() < 1e-6
+
+
+def test_noisy_scans_come_together_within_their_noise(view, room, error, settings):
+    rng = np.random.default_rng(2)
+    a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
+    truth = a.inverse() @ b
+    for _ in range(10):
+        poses, converged = refine_point_to_line(
+            view("a", room, a, rng), view("b", room, b, rng), off(truth), settings
+        )
+        assert converged.all()
+        # 10 mm of noise, hundreds of points: millimetres.
+        assert error(poses[0], truth)[:2].max() < 0.01
+        assert error(poses[0], truth)[2] < math.radians(0.3)
+
+
+def test_swapped_scans_end_in_the_inverse(view, room, settings):
+    rng = np.random.default_rng(3)
+    target = view("a", room, Pose2(2.0, 1.5, 0.5), rng)
+    source = view("b", room, Pose2(3.0, 2.2, -2.0), rng)
+    start = (Pose2(2.0, 1.5, 0.5).inverse() @ Pose2(3.05, 2.2, -1.98)).vector
+    forth, _ = polish(target, source, start[None], settings, MANY)
+    back, _ = polish(
+        source, target, Pose2.from_vector(start).inverse().vector[None], settings, MANY
+    )
+    round_trip = Pose2.from_vector(forth[0]) @ Pose2.from_vector(back[0])
+    np.testing.assert_allclose(round_trip.vector, 0.0, atol=1e-3)
+
+
+def test_the_two_faces_of_a_wall_are_not_glued_together(view, error, settings):
+    """Rooms on either side of a wall 0.12 m thick: nothing but the wall is within the gate of both."""
+    left = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]
+    right = [((4.12, 0), (9, 0)), ((9, 0), (9, 4)), ((9, 4), (4.12, 4)), ((4.12, 4), (4.12, 0))]
+    a, b = Pose2(2.0, 1.7, 0.3), Pose2(6.0, 2.2, -1.0)
+    truth = a.inverse() @ b
+    poses, _ = refine_point_to_line(
+        view("a", left, a), view("b", right, b), truth.vector[None], settings
+    )
+    # Glued, the rooms would come 0.12 m together.
+    assert error(poses[0], truth)[:2].max() < 0.01
+
+
+def test_a_wall_seen_from_both_sides_through_a_door_keeps_its_thickness(
+    view, two_rooms, error, settings
+):
+    rng = np.random.default_rng(4)
+    a, b = Pose2(2.6, 1.6, 0.3), Pose2(5.4, 1.5, -1.0)
+    truth = a.inverse() @ b
+    for _ in range(5):
+        poses, _ = refine_point_to_line(
+            view("a", two_rooms, a, rng, 0.005),
+            view("b", two_rooms, b, rng, 0.005),
+            off(truth, 0.05, 2.0),
+            settings,
+        )
+        assert error(poses[0], truth)[:2].max() < 0.02
+
+
+@pytest.mark.parametrize("noise", [None, 0.01])
+@pytest.mark.parametrize("along", [-0.5, 0.0, 0.7])
+def test_a_corridor_does_not_slide_along_its_axis(view, corridor, settings, noise, along):
+    """Whatever stands still along the axis comes together across it and in heading."""
+    rng = np.random.default_rng(5)
+    a, b = Pose2(0.0, 0.8, 0.4), Pose2(2.0, 1.2, -1.0)
+    for _ in range(6):
+        target, source = (
+            view(s, corridor, p, rng if noise else None, noise or 0.0, max_range=15.0)
+            for s, p in (("a", a), ("b", b))
+        )
+        start = a.inverse() @ Pose2(b.x + along, b.y + 0.1, b.theta + 0.03)
+        poses, converged = refine_point_to_line(target, source, start.vector[None], settings)
+        end = a @ Pose2.from_vector(poses[0])
+        assert converged.all()
+        assert end.x == pytest.approx(b.x + along, abs=0.05)
+        assert end.y == pytest.approx(b.y, abs=0.02)
+        assert end.angle_to(b) < math.radians(0.5)
+
+
+def test_an_end_wall_holds_a_corridor_along_its_axis(view, error, settings):
+    walls = [((-20, 0), (5, 0)), ((-20, 2), (5, 2)), ((5, 0), (5, 2))]
+    a, b = Pose2(0.0, 0.8, 0.4), Pose2(2.0, 1.2, -1.0)
+    target, source = (view(s, walls, p, max_range=15.0) for s, p in (("a", a), ("b", b)))
+    truth = a.inverse() @ b
+    poses, _ = refine_point_to_line(target, source, off(truth, 0.2, 3.0, 1.0), settings)
+    assert error(polish(target, source, poses, settings, MANY)[0][0], truth).max() < 0.01
+
+
+def test_candidates_of_a_batch_do_not_touch_one_another(view, room, settings):
+    target, source = view("a", room, Pose2(2, 1.5, 0.5)), view("b", room, Pose2(3, 2.2, -2.0))
+    truth = Pose2(2, 1.5, 0.5).inverse() @ Pose2(3, 2.2, -2.0)
+    starts = np.concatenate([off(truth, 0.1, 3.0, d) for d in (0.0, 2.0, 4.0)])
+    together, _ = polish(target, source, starts, settings)
+    alone = [polish(target, source, start[None], settings)[0][0] for start in starts]
+    np.testing.assert_allclose(together, alone, atol=1e-7)
+
+
+def test_starts_that_end_in_one_place_are_one(view, room, settings):
+    a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
+    truth = a.inverse() @ b
+    starts = np.concatenate([off(truth, 0.15, 5.0, d) for d in np.linspace(0, 6, 12)])
+    poses, _ = refine_point_to_line(view("a", room, a), view("b", room, b), starts, settings)
+    assert len(poses) == 1
+
+
+def test_where_nothing_is_near_nothing_moves(view, room, settings):
+    target, source = view("a", room, Pose2(2, 1.5, 0.5)), view("b", room, Pose2(3, 2.2, -2.0))
+    start = np.array([[200.0, -100.0, 1.0]])
+    poses, _ = refine_point_to_line(target, source, start, settings)
+    np.testing.assert_allclose(poses, start)
+
+
+def test_no_start_no_pose(view, room, settings):
+    index = view("a", room, Pose2(2.0, 1.5, 0.5))
+    poses, converged = refine_point_to_line(index, index, np.zeros((0, 3)), settings)
+    assert poses.shape == (0, 3)
+    assert converged.shape == (0,)
+
+
+def test_residuals_are_distances_from_the_targets_walls(view, room, settings):
+    """Moved 5 cm along x of the plan, points of walls across x are 5 cm off, those along x are not."""
+    a = Pose2(2.0, 1.5, 0.0)
+    index = view("a", room, a)
+    residual, _, weight = correspondences(index, index, np.array([[0.05, 0.0, 0.0]]), gate=0.3)
+    corner = np.linalg.norm(a.transform(index.scan.points)[:, None] - room[None, :, 0], axis=2)
+    used = (weight[0] > 0) & (corner.min(axis=1) > 0.4)
+    across = np.abs(index.scan.normals[used, 0]) > 0.5
+    assert min(across.sum(), (~across).sum()) > 50
+    np.testing.assert_allclose(np.abs(residual[0, used][across]), 0.05, atol=1e-9)
+    np.testing.assert_allclose(residual[0, used][~across], 0.0, atol=1e-9)
+
+
+def test_jacobian_is_the_derivative_in_the_sources_axes(view, room, settings):
+    target, source = view("a", room, Pose2(2, 1.5, 0.5)), view("b", room, Pose2(3, 2.2, -2.0))
+    pose = (Pose2(2, 1.5, 0.5).inverse() @ Pose2(3.03, 2.18, -1.97)).vector[None]
+    residual, jacobian, weight = correspondences(target, source, pose, gate=0.3)
+    partner = target.nearest(transform(pose, source.scan.points))
+    for axis in range(3):
+        step = 1e-6 * np.eye(3)[axis][None]
+        moved = compose(pose, step)
+        other, _, _ = correspondences(target, source, moved, gate=0.3)
+        same = (target.nearest(transform(moved, source.scan.points)) == partner) & (weight > 0)
+        assert same.sum() > 200
+        slope = (other - residual)[same] / 1e-6
+        np.testing.assert_allclose(slope, jacobian[same][:, axis], atol=1e-4)
+
+
+def test_weights_are_metres_of_wall_near_a_reliable_one(view, room, settings):
+    target, source = view("a", room, Pose2(2, 1.5, 0.5)), view("b", room, Pose2(3, 2.2, -2.0))
+    pose = (Pose2(2, 1.5, 0.5).inverse() @ Pose2(3, 2.2, -2.0)).vector[None]
+    weight = correspondences(target, source, pose, gate=0.2)[2][0]
+    used = weight > 0
+    np.testing.assert_array_equal(weight[used], source.scan.lengths[used])
+    partner = target.nearest(transform(pose, source.scan.points))[0]
+    assert target.reliable[partner[used]].all()
+    assert used.mean() > 0.8
+    far = correspondences(target, source, pose + [[9.0, 0.0, 0.0]], gate=0.2)[2][0]
+    moved = transform(pose + [[9.0, 0.0, 0.0]], source.scan.points)[0]
+    apart = np.linalg.norm(moved[:, None] - target.scan.points[None], axis=2).min(axis=1)
+    assert (far[apart > 0.2] == 0.0).all()

@@ -1,0 +1,79 @@
+import math
+
+import numpy as np
+import pytest
+
+from slam_uwb.matching.correlative import correlative_matches
+from slam_uwb.model.geometry import Pose2
+
+NEAR_M, NEAR_RAD = 0.3, math.radians(3.0)
+
+
+def near(starts, truth):
+    """(K,) whether a start is within the reach of the refiners."""
+    return np.array([
+        Pose2.from_vector(start).distance_to(truth) < NEAR_M
+        and Pose2.from_vector(start).angle_to(truth) < NEAR_RAD
+        for start in starts
+    ])  # fmt: skip
+
+
+def test_starts_contain_the_truth_for_any_offset(view, room, settings):
+    rng = np.random.default_rng(0)
+    for _ in range(25):
+        a, b = (
+            Pose2(rng.uniform(0.7, 3.6), rng.uniform(0.7, 2.6), rng.uniform(-math.pi, math.pi))
+            for _ in range(2)
+        )
+        starts = correlative_matches(view("a", room, a, rng), view("b", room, b, rng), settings)
+        assert near(starts, a.inverse() @ b).any()
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 90, 180, 270, 225])
+@pytest.mark.parametrize("wall", [0, 40, 100])
+def test_every_quarter_turn_is_found_first(view, room, settings, degrees, wall):
+    """Of a room without symmetry, whichever way both scanners point."""
+    a = Pose2(2.0, 1.5, math.radians(wall))
+    b = Pose2(3.0, 2.2, math.radians(wall + degrees))
+    starts = correlative_matches(view("a", room, a), view("b", room, b), settings)
+    assert near(starts, a.inverse() @ b)[0]
+
+
+def test_swapping_the_scans_inverts_the_best_start(view, room, settings):
+    a, b = view("a", room, Pose2(2.0, 1.5, 0.5)), view("b", room, Pose2(3.0, 2.2, -2.0))
+    forth = Pose2.from_vector(correlative_matches(a, b, settings)[0])
+    back = Pose2.from_vector(correlative_matches(b, a, settings)[0])
+    np.testing.assert_allclose((forth @ back).vector, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "pair", [("s1", "s4"), ("s1", "s5"), ("s1", "s6"), ("s2", "s6"), ("s2", "s7")]
+)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_free_space_of_both_scans_decides_between_rooms(
+    three_room_scans, three_room_poses, settings, pair, swapped
+):
+    """Walls alone put the truth of pairs in different rooms behind many others."""
+    target, source = pair[::-1] if swapped else pair
+    truth = three_room_poses[target].inverse() @ three_room_poses[source]
+    starts = correlative_matches(three_room_scans[target], three_room_scans[source], settings)
+    assert near(starts[:3], truth).any()
+
+
+def test_no_more_starts_than_wanted_and_no_two_alike(three_room_scans, settings):
+    few = settings.model_copy(update={"initial_matches": 6})
+    for count in (settings, few):
+        starts = correlative_matches(three_room_scans["s1"], three_room_scans["s3"], count)
+        assert starts.shape == (count.initial_matches, 3)
+        apart = np.hypot(*(starts[:, None, :2] - starts[None, :, :2]).transpose(2, 0, 1))
+        turned = np.remainder(starts[:, None, 2] - starts[None, :, 2] + 1.0, 2 * math.pi) - 1.0
+        alike = (apart < 0.29) & (np.abs(turned) < 0.01)
+        np.testing.assert_array_equal(alike, np.eye(len(starts), dtype=bool))
+
+
+def test_fewer_starts_are_the_first_of_more(three_room_scans, settings):
+    few = settings.model_copy(update={"initial_matches": 6})
+    a, b = three_room_scans["s1"], three_room_scans["s3"]
+    np.testing.assert_array_equal(
+        correlative_matches(a, b, few), correlative_matches(a, b, settings)[:6]
+    )

@@ -1,0 +1,126 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slam_uwb.matching.index import index_scan, wall_angle
+from slam_uwb.model.geometry import Pose2
+
+CELL = 0.1
+
+
+def brute_distances(scan, points):
+    return np.linalg.norm(points[:, None] - scan.points[None], axis=2).min(axis=1)
+
+
+def test_nearest_by_table_is_nearest_but_for_the_cells(view, room):
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    queries = np.random.default_rng(0).uniform(-4.0, 4.0, (5000, 2))
+    found = np.linalg.norm(queries - index.scan.points[index.nearest(queries)], axis=1)
+    excess = found - brute_distances(index.scan, queries)
+    # Query and both points lie up to half a diagonal off their cells' centres: four half diagonals at worst.
+    assert excess.min() > -1e-12
+    assert excess.max() < 2.0 * math.sqrt(2.0) * CELL
+    assert excess.mean() < 0.02
+
+
+def test_a_scans_own_points_find_themselves_or_a_neighbour(view, room):
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    points = index.scan.points
+    found = np.linalg.norm(points - points[index.nearest(points)], axis=1)
+    assert found.max() < math.sqrt(2.0) * CELL
+
+
+def test_look_ups_keep_the_shape_of_the_points(view, room):
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    points = np.random.default_rng(1).uniform(-3.0, 3.0, (4, 7, 2))
+    nearest, free = index.nearest(points), index.free_range(points)
+    assert nearest.shape == free.shape == (4, 7)
+    assert nearest[2, 3] == index.nearest(points[2, 3][None])[0]
+    assert free[2, 3] == index.free_range(points[2, 3][None])[0]
+
+
+def test_points_outside_the_table_have_a_nearest_one_too(view, room):
+    index = view("a", room, Pose2(2.0, 1.5, 0.0))
+    far = np.array([[500.0, 0.1], [-500.0, 0.1], [0.1, 500.0], [0.1, -500.0]])
+    found = index.scan.points[index.nearest(far)]
+    # Walls at x - 2 = 4 and -2, y - 1.5 = 3 (the deeper part of the room) and -1.5.
+    np.testing.assert_allclose(
+        [found[0, 0], found[1, 0], found[2, 1], found[3, 1]], [4.0, -2.0, 3.0, -1.5], atol=0.1
+    )
+
+
+def test_walls_far_away_do_not_make_the_table_large(view):
+    wall = [((900.0, -900.0), (900.0, 900.0)), ((2.0, -1.0), (2.0, 1.0))]
+    index = view("a", wall, Pose2.identity(), max_range=2000.0)
+    assert index.table.size < 500_000
+
+
+def test_free_range_is_that_of_the_sector(view, room):
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    sectors = np.radians(np.arange(-180, 180) + 0.5)
+    for shift in (-0.49, 0.0, 0.49):
+        bearings = sectors + math.radians(shift)
+        for distance in (0.01, 20.0):
+            points = distance * np.column_stack([np.cos(bearings), np.sin(bearings)])
+            np.testing.assert_array_equal(index.free_range(points), index.scan.free_ranges)
+
+
+def test_free_range_at_the_seam_is_that_of_the_last_sector(view, room):
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    assert index.free_range(np.array([[-1.0, 0.0]]))[0] == index.scan.free_ranges[-1]
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, -30.0, 44.0, -44.0, 100.0, 191.0])
+def test_wall_angle_of_a_turned_scanner(view, room, degrees):
+    # The walls run along x and y of the plan: seen from a scanner turned by theta they run along -theta.
+    index = view("a", room, Pose2(2.0, 1.5, math.radians(degrees)))
+    away = np.remainder(wall_angle(index.scan) + math.radians(degrees), math.pi / 2)
+    assert min(away, math.pi / 2 - away) == pytest.approx(0.0, abs=1e-6)
+    assert -math.pi / 4 <= wall_angle(index.scan) < math.pi / 4
+
+
+@pytest.mark.parametrize("degrees", [13.0, 45.0, 90.0, 137.0])
+def test_wall_angle_turns_with_the_scan(view, three_rooms, degrees):
+    rng = np.random.default_rng(3)
+    pose = Pose2(4.3, 1.3, -1.1)
+    scan = view("a", three_rooms, pose, rng).scan
+    turn = Pose2(0.0, 0.0, math.radians(degrees))
+    turned = replace(scan, points=turn.transform(scan.points), normals=turn.transform(scan.normals))
+    away = np.remainder(wall_angle(turned) - wall_angle(scan) - turn.theta, math.pi / 2)
+    assert min(away, math.pi / 2 - away) == pytest.approx(0.0, abs=math.radians(0.05))
+
+
+def test_wall_angle_of_noisy_walls_is_right_to_a_tenth_of_a_degree(view, room):
+    rng = np.random.default_rng(4)
+    angles = [wall_angle(view("a", room, Pose2(2.0, 1.5, 0.3), rng, 0.01).scan) for _ in range(20)]
+    np.testing.assert_allclose(angles, -0.3, atol=math.radians(0.3))
+    assert np.mean(angles) == pytest.approx(-0.3, abs=math.radians(0.1))
+
+
+def test_most_metres_of_wall_decide_the_wall_angle_not_most_points(view):
+    # 8 + 3 m of wall along x and y far off, and 1 m at 30 degrees close by, which takes more points.
+    half = 0.5 * np.array([math.cos(math.radians(30.0)), math.sin(math.radians(30.0))])
+    middle = np.array([0.1, -0.3])
+    walls = [((-4, 6), (4, 6)), ((4, 6), (4, 3)), (middle - half, middle + half)]
+    index = view("a", walls, Pose2.identity())
+    oblique = index.scan.points[:, 1] < 1.0
+    assert oblique.sum() > (~oblique).sum()
+    assert wall_angle(index.scan) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_no_wall_no_angle(view):
+    scan = view("a", [((2, -0.02), (2, 0.02)), ((-2, -0.02), (-2, 0.02))], Pose2.identity()).scan
+    assert wall_angle(scan) == 0.0
+
+
+def test_only_normals_of_straight_walls_are_reliable(view, room, settings):
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    world = Pose2(2.0, 1.5, 0.4).transform(index.scan.points)
+    corner = np.linalg.norm(world[:, None] - room[None, :, 0], axis=2).min(axis=1)
+    # Where a wall is seen so flatly that a point has no neighbours, it has no normal either.
+    assert index.reliable[corner > 0.5].mean() > 0.9
+    assert not index.reliable[corner < 0.1].any()
+    lonely = replace(index.scan, normal_variance=np.full(len(corner), np.inf))
+    assert not index_scan(lonely, settings).reliable.any()

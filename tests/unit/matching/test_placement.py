@@ -1,0 +1,197 @@
+import math
+
+import numpy as np
+import pytest
+
+from slam_uwb.matching.hypotheses import describe_match, match_pair
+from slam_uwb.matching.placement import place_stations
+from slam_uwb.model.geometry import Pose2
+
+
+def assert_at_the_truth(poses, truth, metres=0.03, degrees=0.5):
+    """All stations of the block as they truly lie to each other."""
+    first = next(iter(poses))
+    for station, pose in poses.items():
+        error = (truth[first].inverse() @ truth[station]).inverse() @ (
+            poses[first].inverse() @ pose
+        )
+        assert error.distance_to(Pose2.identity()) < metres
+        assert abs(error.theta) < math.radians(degrees)
+
+
+def hypothesis(scans, target, source, pose, settings, rank=0):
+    return describe_match(scans[target], scans[source], pose.vector, rank, settings)
+
+
+def test_three_rooms_merge_to_the_truth(
+    three_room_scans, three_room_hypotheses, three_room_poses, settings
+):
+    told = []
+    blocks = place_stations(
+        three_room_scans,
+        three_room_hypotheses,
+        settings,
+        progress=lambda *progress: told.append(progress),
+    )
+    assert len(blocks) == 1
+    assert blocks[0].poses.keys() == three_room_poses.keys()
+    assert_at_the_truth(blocks[0].poses, three_room_poses)
+    assert told == [("placing stations", done, 6) for done in range(1, 7)]
+
+
+def test_the_frame_is_that_of_the_blocks_first_station(
+    three_room_scans, three_room_hypotheses, settings
+):
+    block = place_stations(three_room_scans, three_room_hypotheses, settings)[0]
+    assert block.poses[next(iter(block.poses))] == Pose2.identity()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_order_of_stations_and_hypotheses_does_not_matter(
+    three_room_scans, three_room_hypotheses, three_room_poses, settings, seed
+):
+    rng = np.random.default_rng(seed)
+    stations = {s: three_room_scans[s] for s in rng.permutation(list(three_room_scans))}
+    hypotheses = [three_room_hypotheses[k] for k in rng.permutation(len(three_room_hypotheses))]
+    blocks = place_stations(stations, hypotheses, settings)
+    assert len(blocks) == 1
+    assert_at_the_truth(blocks[0].poses, three_room_poses)
+
+
+def test_which_scan_was_fitted_to_which_does_not_matter(
+    three_room_scans, three_room_hypotheses, three_room_poses, settings
+):
+    swapped = [
+        hypothesis(
+            three_room_scans, m.source, m.target, m.target_T_source.inverse(), settings, m.rank
+        )
+        for m in three_room_hypotheses
+    ]
+    blocks = place_stations(three_room_scans, swapped, settings)
+    assert len(blocks) == 1
+    assert_at_the_truth(blocks[0].poses, three_room_poses)
+
+
+@pytest.mark.parametrize("places", [((2.2, 1.4), (1.1, 2.5)), ((2.0, 2.0), (2.0, 2.0))])
+def test_hypotheses_that_contradict_each_other_leave_stations_apart(view, settings, places):
+    """In a square room four places are equally good, in its middle four headings: none by a margin."""
+    square = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]
+    rng = np.random.default_rng(1)
+    scans = {
+        "a": view("a", square, Pose2(*places[0], 0.3), rng),
+        "b": view("b", square, Pose2(*places[1], 1.0), rng),
+    }
+    found = match_pair(scans["a"], scans["b"], settings)
+    assert len(found) >= 4
+    blocks = place_stations(scans, found, settings)
+    assert [list(block.poses) for block in blocks] == [["a"], ["b"]]
+    # With one of them alone nothing contradicts.
+    assert len(place_stations(scans, found[:1], settings)) == 1
+
+
+def test_hypotheses_through_walls_leave_stations_apart(
+    three_room_scans, three_room_poses, settings
+):
+    """Whatever its score says: what the other scan looked through outweighs what it confirms."""
+    wrong = three_room_poses["s3"].inverse() @ three_room_poses["s4"] @ Pose2(1.0, 0.7, 0.6)
+    scans = {s: three_room_scans[s] for s in ("s3", "s4")}
+    blocks = place_stations(
+        scans, [hypothesis(three_room_scans, "s3", "s4", wrong, settings)], settings
+    )
+    assert len(blocks) == 2
+
+
+def test_the_merged_map_overrules_the_best_hypothesis_of_a_pair(
+    three_room_scans, three_room_hypotheses, three_room_poses, settings
+):
+    """Pairs of different rooms whose best hypothesis is wrong are placed right by the others."""
+    wrong = [
+        m
+        for m in three_room_hypotheses
+        if m.rank == 0
+        and m.target_T_source.distance_to(
+            three_room_poses[m.target].inverse() @ three_room_poses[m.source]
+        )
+        > 0.5
+    ]
+    assert wrong
+    blocks = place_stations(three_room_scans, three_room_hypotheses, settings)
+    assert_at_the_truth(blocks[0].poses, three_room_poses)
+
+
+def test_a_station_elsewhere_stays_alone(
+    view, room, three_room_scans, three_room_hypotheses, three_room_poses, settings
+):
+    scans = {"other": view("other", room, Pose2(2, 1.5, 0.0)), **three_room_scans}
+    blocks = place_stations(scans, three_room_hypotheses, settings)
+    assert [len(block.poses) for block in blocks] == [7, 1]
+    assert dict(blocks[1].poses) == {"other": Pose2.identity()}
+    assert_at_the_truth(blocks[0].poses, three_room_poses)
+
+
+def test_blocks_come_by_size_then_by_the_surveys_order(
+    three_room_scans, three_room_hypotheses, settings
+):
+    within = [
+        m for m in three_room_hypotheses
+        if {m.target, m.source} in ({"s1", "s2"}, {"s5", "s6"}, {"s6", "s7"}, {"s5", "s7"})
+    ]  # fmt: skip
+    blocks = place_stations(three_room_scans, within, settings)
+    assert [sorted(block.poses) for block in blocks] == [
+        ["s5", "s6", "s7"], ["s1", "s2"], ["s3"], ["s4"],
+    ]  # fmt: skip
+
+
+def test_no_margin_is_wide_enough_where_more_is_asked(
+    three_room_scans, three_room_hypotheses, settings
+):
+    strict = settings.model_copy(update={"min_margin_m": 1e6})
+    assert len(place_stations(three_room_scans, three_room_hypotheses, strict)) == 7
+
+
+def test_a_wall_counts_once_however_many_scans_confirm_it(view, room, settings):
+    """A scanner that sees 2 m far is confirmed by five others no better than by one.
+
+    Two scans alone confirm each other: twice the wall that the short-sighted one sees. Once the
+    five are together, they confirm their own walls, and it brings its own wall alone.
+    """
+    scans = {f"a{k}": view(f"a{k}", room, Pose2(2.0, 1.5, 0.1 * k)) for k in range(5)}
+    scans["b"] = view("b", room, Pose2(2.4, 1.6, 0.0), max_range=2.0)
+    seen = float(scans["b"].scan.lengths.sum())
+    right = Pose2(2.0, 1.5, 0.0).inverse() @ Pose2(2.4, 1.6, 0.0)
+    together = [
+        hypothesis(scans, "a0", f"a{k}", Pose2(0.0, 0.0, 0.1 * k), settings) for k in range(1, 5)
+    ]
+    joined = hypothesis(scans, "a0", "b", right, settings)
+    once = settings.model_copy(update={"min_margin_m": 1.3 * seen})
+    two = {"a0": scans["a0"], "b": scans["b"]}
+    assert len(place_stations(two, [joined], once)) == 1
+    blocks = place_stations(scans, [*together, joined], once)
+    assert [sorted(block.poses) for block in blocks] == [["a0", "a1", "a2", "a3", "a4"], ["b"]]
+    enough = settings.model_copy(update={"min_margin_m": 0.6 * seen})
+    assert len(place_stations(scans, [*together, joined], enough)) == 1
+
+
+def test_ranges_decide_where_walls_leave_several_places(view, settings):
+    """One nat counts as a metre of wall; what no range tells apart stays apart."""
+    square = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]
+    a, b = Pose2(2.2, 1.4, 0.3), Pose2(1.1, 2.5, 1.0)
+    scans = {"a": view("a", square, a), "b": view("b", square, b)}
+    found = match_pair(scans["a"], scans["b"], settings)
+    truth = a.inverse() @ b
+
+    def near_the_truth(a_poses, b_poses, candidates):
+        assert (list(a_poses), list(b_poses)) == (["a"], ["b"])
+        return np.where(np.hypot(*(candidates[:, :2] - truth.vector[:2]).T) < 0.3, 5.0, 0.0)
+
+    blocks = place_stations(scans, found, settings, range_gain=near_the_truth)
+    assert len(blocks) == 1
+    assert blocks[0].poses["b"].distance_to(truth) < 0.02
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_without_hypotheses_every_station_is_alone(three_room_scans, settings, count):
+    scans = dict(list(three_room_scans.items())[:count])
+    assert [list(block.poses) for block in place_stations(scans, (), settings)] == [
+        [station] for station in scans
+    ]
