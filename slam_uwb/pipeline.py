@@ -10,7 +10,7 @@ from .model.products import GraphProblem, Progress, silent
 from .model.settings import Settings
 from .model.solution import Solution
 from .model.survey import Survey
-from .ranging import reduce_anchor_links, reduce_links
+from .ranging import range_gain, reduce_anchor_links, reduce_links
 from .scan import prepare_scan, reduce_scan
 
 
@@ -49,15 +49,22 @@ def solve_survey(
     indexed = index_scans(prepared, settings.matching)
     pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching)
     hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
+    links = reduce_links(survey, settings.ranging) if use_ranges else ()
     selection = select_matches(
-        indexed, hypotheses, pairs, settings.matching, adjust_placement, progress
+        indexed,
+        hypotheses,
+        pairs,
+        settings.matching,
+        adjust_placement,
+        range_gain(survey, links),
+        progress,
     )
     problem = GraphProblem(
         stations=survey.stations,
         anchors=survey.anchors,
         matches=selection.used,
         placement=selection.placement,
-        links=reduce_links(survey, settings.ranging) if use_ranges else (),
+        links=links,
         anchor_links=reduce_anchor_links(survey, settings.ranging) if use_ranges else (),
         tag_offset=survey.tag_offset,
         range_offset=survey.range_offset,

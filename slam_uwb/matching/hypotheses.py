@@ -79,7 +79,8 @@ def rematch_pairs(
     placement: Mapping[StationId, Pose2],
     pairs: Sequence[tuple[StationId, StationId]],
     settings: MatchingSettings,
-    steps: int = 6,
+    *,
+    until_still: bool = False,
 ) -> tuple[ScanMatch, ...]:
     """Matches of the pairs that overlap at a placement, refined once more from there.
 
@@ -93,7 +94,11 @@ def rematch_pairs(
             continue
         start = placement[target].inverse() @ placement[source]
         poses, converged = polish(
-            scans[target], scans[source], start.vector[None, :], settings, steps
+            scans[target],
+            scans[source],
+            start.vector[None, :],
+            settings,
+            until_still=until_still,
         )
         match = describe_match(scans[target], scans[source], poses[0], 0, settings)
         stayed = match.target_T_source.distance_to(start) < settings.fine_gate_m

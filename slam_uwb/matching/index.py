@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from ..model.geometry import FloatArray, Points, rotation_matrix
 from ..model.products import PreparedScan
 from ..model.settings import MatchingSettings
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _TABLE_CELL_M = 0.1
 _TABLE_MARGIN_M = 1.0
@@ -42,6 +46,7 @@ class ScanIndex:
     table: NDArray[np.int32]
     """(H, W) index of the point nearest to each cell's centre."""
     table_origin: tuple[float, float]
+    tree: cKDTree
     spectra: Spectra
 
     def nearest(self, points: Points) -> NDArray[np.int32]:
@@ -53,6 +58,10 @@ class ScanIndex:
         np.clip(row, 0, height - 1, out=row)
         return np.asarray(self.table.ravel().take(row * width + column))
 
+    def nearest_exactly(self, points: Points) -> NDArray[np.int32]:
+        """The same by search: three times the time, and independent of how the cells lie."""
+        return np.asarray(self.tree.query(points)[1], dtype=np.int32)
+
     def free_range(self, points: Points) -> FloatArray:
         """(...,) metres the scanner looked through in the direction of each of `points` (..., 2); 0 = unknown."""
         count = len(self.scan.free_ranges)
@@ -63,12 +72,15 @@ class ScanIndex:
 
 def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     """Build the look-up structures of one scan; it must have at least one point."""
+    from scipy.spatial import cKDTree
+
     table, origin = _nearest_table(scan.points)
     return ScanIndex(
         scan=scan,
         reliable=scan.normal_variance <= _MAX_SLOPE_VARIANCE,
         table=table,
         table_origin=origin,
+        tree=cKDTree(scan.points),
         spectra=_spectra(scan, settings),
     )
 

@@ -45,7 +45,7 @@ def closest_point_count(
     moved = transform(poses, source.scan.points)
     offset = moved - target.scan.points[target.nearest(moved)]
     near = np.einsum("knd,knd->kn", offset, offset) < closest_point_m**2
-    return near.sum(axis=1).astype(np.float64)
+    return np.asarray(near.sum(axis=1), dtype=np.float64)
 
 
 def _triples(landmarks: Points) -> FloatArray:

@@ -27,6 +27,7 @@ _STRIDE = 2  # every second point is enough to weigh walls
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
 _CANDIDATES = 10
+_ENOUGH_M = 8.0
 
 
 RangeGain = Callable[[Mapping[StationId, Pose2], Mapping[StationId, Pose2], FloatArray], FloatArray]
@@ -67,8 +68,11 @@ class _Merge:
 
     a_T_b: FloatArray
     """(3,)"""
-    gain: float
     margin: float
+    """By how much its evidence exceeds that of every other way, to leave the blocks apart included."""
+    priority: float
+    """The same with walls counting no more than `_ENOUGH_M`: beyond, a fit tells of equal rooms as
+    much as of the same room, and the ranges decide which merge comes first."""
 
 
 def place_stations(
@@ -84,7 +88,7 @@ def place_stations(
         scans: Every station that has one, in the survey's order.
         hypotheses: All of all pairs.
         settings: `violation_weight` and `min_margin_m` (metres of wall, each counted once).
-        range_gain: What the ranges say of a way to merge two blocks, nats; one counts as a metre.
+        range_gain: What the ranges say of a way to merge two blocks, nats.
         progress: Told after each merge.
 
     Returns:
@@ -103,7 +107,7 @@ def place_stations(
         }
         if not ready:
             break
-        (a, b), merge = max(ready.items(), key=lambda item: (item[1].margin, item[0]))
+        (a, b), merge = max(ready.items(), key=lambda item: (item[1].priority, item[1].margin))
         new = max(blocks) + 1
         merged = _merged(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
         merges = {pair: kept for pair, kept in merges.items() if not {a, b} & set(pair)}
@@ -161,7 +165,8 @@ def _best_merge(
     if not allowed.any():
         return None
     candidates = candidates[allowed]
-    gains = gains[allowed] + range_gain(a.poses, b.poses, candidates)
+    ranges = settings.range_weight_m * range_gain(a.poses, b.poses, candidates)
+    gains = gains[allowed] + ranges
     best = int(np.argmax(gains))
     away = np.hypot(*(candidates[:, :2] - candidates[best, :2]).T)
     turned = np.abs(
@@ -169,8 +174,9 @@ def _best_merge(
     )
     rivals = gains[(away > _DISTINCT_M) | (turned > _DISTINCT_RAD)]
     # To leave them apart is a rival too, with a gain of nothing.
-    margin = gains[best] - max(rivals.max(initial=0.0), 0.0)
-    return _Merge(candidates[best], float(gains[best]), float(margin))
+    margin = float(gains[best] - max(rivals.max(initial=0.0), 0.0))
+    walls = margin - float(ranges[best])
+    return _Merge(candidates[best], margin, min(walls, _ENOUGH_M) + float(ranges[best]))
 
 
 def _candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArray:

@@ -17,7 +17,6 @@ from .placement import RangeGain, no_ranges, place_stations
 Adjust = Callable[[Mapping[StationId, Pose2], Sequence[ScanMatch]], dict[StationId, Pose2]]
 """Moves a placement to where its matches agree best: a pose graph, which another step brings."""
 
-_UNTIL_STILL = 40  # steps; the last refinement ends where nothing moves any more
 _SAME_M, _SAME_RAD = (
     0.25,
     0.1,
@@ -59,9 +58,9 @@ def select_matches(
     blocks = place_stations(scans, hypotheses, settings, range_gain, progress)
     placement = dict(blocks[0].poses) if blocks else {}
     used = rematch_pairs(scans, placement, pairs, settings)
-    for steps in (6, _UNTIL_STILL):
+    for last in (False, True):
         placement = adjust(placement, used)
-        used = rematch_pairs(scans, placement, pairs, settings, steps)
+        used = rematch_pairs(scans, placement, pairs, settings, until_still=last)
     placement = _largest_group(placement, used)
     used = tuple(match for match in used if match.target in placement and match.source in placement)
     return Selection(placement, used, _with_reasons(hypotheses, used, placement))

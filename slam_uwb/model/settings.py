@@ -132,6 +132,12 @@ class MatchingSettings(_Section):
         description="stations are placed where the evidence (metres of wall, each once) exceeds that of "
         "every other place by this",
     )
+    range_weight_m: float = Field(
+        3.0,
+        ge=0.0,
+        description="metres of wall that one nat of evidence by the ranges counts for: neighbouring "
+        "points of a wall say the same thing",
+    )
     min_overlap: float = Field(
         0.10,
         ge=0.0,

@@ -116,7 +116,8 @@ def _field(rows: FloatArray) -> _Field:
     cells = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     likelihood = _log_likelihood(links, cells)
     relevant = likelihood > likelihood.max() - _RELEVANT_NATS
-    return _Field(links, cells[relevant], likelihood[relevant], _log_mean(likelihood[relevant]))
+    evidence = float(_log_mean(likelihood[relevant]))
+    return _Field(links, cells[relevant], likelihood[relevant], evidence)
 
 
 def _anchor_gain(a: _Field, b: _Field, candidates: FloatArray) -> FloatArray:

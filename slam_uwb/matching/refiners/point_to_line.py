@@ -17,6 +17,7 @@ _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration st
 _COARSE = 3  # every third point is enough to find the basin
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
 _SHRINK = 0.7
+_STEPS, _STEPS_UNTIL_STILL = 6, 40
 _STILL = 1e-8  # m and rad; nothing moves any more
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
@@ -53,11 +54,16 @@ def polish(
     source: ScanIndex,
     poses: FloatArray,
     settings: MatchingSettings,
-    steps: int = 6,
+    *,
+    until_still: bool = False,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """The fine stage alone, for poses already within about 0.2 m and 5 degrees."""
+    """The fine stage alone, for poses already within about 0.2 m and 5 degrees.
+
+    `until_still` goes on, with partners found exactly, until nothing moves: the result then does
+    not depend on where in the basin it started.
+    """
     step = np.full((len(poses), 3), np.inf)
-    for iteration in range(steps):
+    for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         # The scale shrinks step by step: at once, the many points of one wall would set it, and the
         # few that hold the other direction would be outliers before they have settled.
         poses, step = _step(
@@ -68,6 +74,7 @@ def polish(
             scale=_CAUCHY_M * _SHRINK**iteration,
             stride=1,
             both_ways=True,
+            exact=until_still,
         )
         if np.abs(step).max(initial=0.0) < _STILL:
             break
@@ -83,15 +90,18 @@ def _step(
     scale: float,
     stride: int,
     both_ways: bool,
+    exact: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """One Gauss-Newton step of every pose; returns poses (K, 3) and the steps in the source's axes (K, 3)."""
-    residual, jacobian, weight = correspondences(target, source, poses, gate=gate, stride=stride)
+    residual, jacobian, weight = correspondences(
+        target, source, poses, gate=gate, stride=stride, exact=exact
+    )
     if both_ways:
         # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes, undone in
         # the Jacobian.
         inverse = invert(poses)
         back_residual, back_jacobian, back_weight = correspondences(
-            source, target, inverse, gate=gate, stride=stride
+            source, target, inverse, gate=gate, stride=stride, exact=exact
         )
         residual = np.concatenate([residual, back_residual], axis=1)
         jacobian = np.concatenate([jacobian, -back_jacobian @ adjoints(poses)], axis=1)
@@ -111,7 +121,13 @@ def _step(
 
 
 def correspondences(
-    target: ScanIndex, source: ScanIndex, poses: FloatArray, *, gate: float, stride: int = 1
+    target: ScanIndex,
+    source: ScanIndex,
+    poses: FloatArray,
+    *,
+    gate: float,
+    stride: int = 1,
+    exact: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Source points against the target's walls for poses target_T_source (K, 3).
 
@@ -122,7 +138,7 @@ def correspondences(
     """
     points = source.scan.points[::stride]
     moved = transform(poses, points)
-    partner = target.nearest(moved)
+    partner = target.nearest_exactly(moved) if exact else target.nearest(moved)
     dx = moved[..., 0] - target.scan.points[:, 0].take(partner)
     dy = moved[..., 1] - target.scan.points[:, 1].take(partner)
     nx, ny = target.scan.normals[:, 0].take(partner), target.scan.normals[:, 1].take(partner)

@@ -205,7 +205,7 @@ def test_weights_are_metres_of_wall_near_a_reliable_one(view, room, settings):
     partner = target.nearest(transform(pose, source.scan.points))[0]
     assert target.reliable[partner[used]].all()
     assert used.mean() > 0.8
-    far = correspondences(target, source, pose + [[9.0, 0.0, 0.0]], gate=0.2)[2][0]
-    moved = transform(pose + [[9.0, 0.0, 0.0]], source.scan.points)[0]
+    far = correspondences(target, source, [*pose, [9.0, 0.0, 0.0]], gate=0.2)[2][0]
+    moved = transform([*pose, [9.0, 0.0, 0.0]], source.scan.points)[0]
     apart = np.linalg.norm(moved[:, None] - target.scan.points[None], axis=2).min(axis=1)
     assert (far[apart > 0.2] == 0.0).all()

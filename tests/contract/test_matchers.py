@@ -1,0 +1,132 @@
+"""Every initialiser and refiner against one simulated truth with one tolerance."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+
+from slam_uwb.matching import INITIALISERS, REFINERS, index_scans, match_pair
+from slam_uwb.model.geometry import Pose2
+from slam_uwb.model.settings import MatchingSettings, ScanSettings
+from slam_uwb.model.survey import Scan
+from slam_uwb.scan import prepare_scan
+from slam_uwb.simulate.segments import cast_rays
+
+WITHIN_M, WITHIN_RAD = 0.05, math.radians(1.0)
+SETTINGS = MatchingSettings()
+COMBINATIONS = list(product(INITIALISERS, REFINERS))
+# An L-shaped room, seen from two places: nowhere else do the scans fit.
+CORNERS = np.array([(0, 0), (6, 0), (6, 3), (4, 3), (4, 4.5), (0, 4.5)], dtype=float)
+WALLS = np.stack([CORNERS, np.roll(CORNERS, -1, axis=0)], axis=1)
+A, B = Pose2(2.6, 2.1, 0.5), Pose2(3.2, 1.6, -2.0)
+TRUTH = A.inverse() @ B
+
+
+def cast(walls, pose, noise, seed, max_range=40.0):
+    bearings = np.radians(np.arange(-180, 180) + 0.5)
+    ranges = cast_rays(pose.translation, bearings + pose.theta, np.asarray(walls, dtype=float))
+    ranges = ranges + np.random.default_rng(seed).normal(0.0, noise, 360)
+    return Scan(bearings, np.where(ranges <= max_range, ranges, np.nan), max_range)
+
+
+def indexed(scans):
+    prepared = {name: prepare_scan(name, scan, ScanSettings()) for name, scan in scans.items()}
+    return index_scans(prepared, SETTINGS)
+
+
+def is_true(pose):
+    return pose.distance_to(TRUTH) < WITHIN_M and pose.angle_to(TRUTH) < WITHIN_RAD
+
+
+@pytest.fixture(scope="module", params=[0.0, 0.005], ids=["exact", "5 mm of noise"])
+def room(request):
+    return indexed({"a": cast(WALLS, A, request.param, 1), "b": cast(WALLS, B, request.param, 2)})
+
+
+@pytest.fixture(scope="module")
+def odd_scans():
+    """What may come from a site: hardly anything, one wall, no wall, everything far away, a room."""
+    ahead = np.radians(np.arange(-20.0, 21.0))
+    round_about = np.radians(np.arange(-180.0, 180.0, 10.0) + 0.5)
+    scattered = np.random.default_rng(0).uniform(1.0, 9.0, 36)
+    return indexed(
+        {
+            "three points": Scan([0.1, 1.0, 2.0], [2.0, 3.0, 4.0], 40.0),
+            "one wall": Scan(ahead, 2.0 / np.cos(ahead), 40.0),
+            "scattered": Scan(round_about, scattered, 40.0),
+            "far": Scan(round_about, np.full(36, 39.0), 40.0),
+            "room": cast(WALLS, A, 0.005, 3),
+            "elsewhere": cast([*WALLS, [30.0, 0.0]], Pose2(33.0, 1.0, 0.2), 0.005, 4, 1.5),
+        }
+    )
+
+
+@pytest.mark.parametrize("name", INITIALISERS)
+def test_initialisers_bring_the_truth_within_reach_of_the_refiners(room, name):
+    starts = INITIALISERS[name](room["a"], room["b"], SETTINGS)
+    assert starts.ndim == 2
+    assert starts.shape[1] == 3
+    assert len(starts) <= SETTINGS.initial_matches
+    poses = [Pose2.from_vector(start) for start in starts]
+    assert any(p.distance_to(TRUTH) < 0.3 and p.angle_to(TRUTH) < 0.09 for p in poses)
+
+
+@pytest.mark.parametrize("name", REFINERS)
+@pytest.mark.parametrize("step", [(0.1, 0.1, 0.08), (-0.15, 0.05, -0.08), (0.0, -0.15, 0.05)])
+def test_refiners_reach_the_truth(room, name, step):
+    start = (TRUTH @ Pose2(*step)).vector[None]
+    poses, converged = REFINERS[name](room["a"], room["b"], start, SETTINGS)
+    assert poses.shape == (1, 3)
+    assert converged.tolist() == [True]
+    assert is_true(Pose2.from_vector(poses[0]))
+
+
+@pytest.mark.parametrize("name", REFINERS)
+def test_refiners_leave_their_starts_alone(room, name):
+    start = TRUTH.vector[None]
+    start.setflags(write=False)
+    REFINERS[name](room["a"], room["b"], start, SETTINGS)
+
+
+@pytest.mark.parametrize(("initialiser", "refiner"), COMBINATIONS)
+@pytest.mark.parametrize("ranking", ["evidence", "closest_points"])
+def test_any_combination_matches_a_pair(room, initialiser, refiner, ranking):
+    settings = SETTINGS.model_copy(
+        update={"initialiser": initialiser, "refiner": refiner, "ranking": ranking}
+    )
+    best = match_pair(room["a"], room["b"], settings)[0]
+    assert is_true(best.target_T_source)
+    assert best.rank == 0
+    assert best.violation < 0.01
+
+
+@pytest.mark.parametrize("name", INITIALISERS)
+@pytest.mark.parametrize("kind", ["twice", "backwards"])
+def test_initialisers_repeat_themselves(room, name, kind):
+    once = INITIALISERS[name](room["a"], room["b"], SETTINGS)
+    if kind == "backwards":
+        INITIALISERS[name](room["b"], room["a"], SETTINGS)
+    np.testing.assert_array_equal(INITIALISERS[name](room["a"], room["b"], SETTINGS), once)
+
+
+@pytest.mark.parametrize(("initialiser", "refiner"), COMBINATIONS)
+@pytest.mark.parametrize("ranking", ["evidence", "closest_points"])
+def test_odd_scans_raise_nothing_and_give_numbers(odd_scans, initialiser, refiner, ranking):
+    settings = SETTINGS.model_copy(
+        update={"initialiser": initialiser, "refiner": refiner, "ranking": ranking}
+    )
+    for target, source in product(odd_scans.values(), repeat=2):
+        for match in match_pair(target, source, settings):
+            numbers = [*match.target_T_source.vector, *match.covariance.ravel(), match.score]
+            assert np.isfinite(numbers).all()
+            assert 0.0 <= match.overlap <= 1.0
+            assert 0.0 <= match.violation <= 1.0
+            assert np.linalg.eigvalsh(match.covariance).min() > 0.0
+
+
+@pytest.mark.parametrize("name", REFINERS)
+def test_scans_without_overlap_are_no_reason_to_move(odd_scans, name):
+    away = np.array([[70.0, 0.0, 1.0]])
+    poses, _ = REFINERS[name](odd_scans["room"], odd_scans["elsewhere"], away, SETTINGS)
+    np.testing.assert_allclose(poses, away)
