@@ -96,4 +96,5 @@ def solve_survey(
         floor_map=build_floor_map(prepared, poses, settings.mapping) if poses else None,
         scans={station: reduce_scan(scan, settings.scan) for station, scan in scans.items()},
         tag_offset=survey.tag_offset,
+        warnings=("decisions.csv is read, but not obeyed yet",) if survey.decisions else (),
     )

@@ -93,6 +93,9 @@ def rematch_pairs(
         if target not in placement or source not in placement:
             continue
         start = placement[target].inverse() @ placement[source]
+        glance = score_matches(scans[target], scans[source], start.vector[None, :], settings, 3)
+        if glance.confirmed[0] < settings.min_evidence_m:
+            continue
         poses, converged = polish(
             scans[target],
             scans[source],

@@ -1,8 +1,9 @@
 """Do the ranges of two groups of stations agree that the groups lie like this? No anchor is known.
 
-Each group's ranges to an anchor leave a field of places where the anchor may be. Laid over each other rightly, the
-fields of both groups meet; laid wrongly, they miss each other by metres. The evidence is a ratio of marginal
-likelihoods, the anchor's place integrated out on a coarse grid, so that no trilateration and no mirror image is needed.
+Each group's ranges to an anchor leave a field of places where the anchor may be. Laid over each
+other rightly, the fields of both groups meet; laid wrongly, they miss each other by metres. The
+evidence is a ratio of marginal likelihoods, the anchor's place integrated out on a coarse grid, so
+that no trilateration and no mirror image is needed.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ _AREA_M2 = 400.0  # prior area of an anchor's place: a large flat; a factor two 
 _RELEVANT_NATS = 10.0  # cells less likely than this against the best are left out
 _UNKNOWN_RISE_M = 1.0  # height difference assumed where an anchor's height is not known
 
-# Density of measured minus true distance, 1/m: line of sight with an offset of uncalibrated radios, a tail of walls, and
-# a floor for whatever else (links behind surveys/README: 0.2 m in line of sight, 0.9 m and up to 3 m without).
+# Density of measured minus true distance, 1/m: line of sight with the offset of uncalibrated radios,
+# a tail of walls, and a floor for whatever else (real EVK1000 links: 0.2 m in line of sight, 0.9 m
+# and up to 3 m without).
 _SIGHT, _SIGHT_MEAN_M, _SIGHT_SIGMA_M = (
     0.55,
     0.2,

@@ -16,9 +16,9 @@ _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone le
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
 _COARSE = 3  # every third point is enough to find the basin
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
-_SHRINK = 0.7
-_STEPS, _STEPS_UNTIL_STILL = 6, 40
-_STILL = 1e-8  # m and rad; nothing moves any more
+_SHRINK = 0.6
+_STEPS, _STEPS_UNTIL_STILL = 6, 30
+_STILL = 1e-7  # m and rad; nothing moves any more
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
 
