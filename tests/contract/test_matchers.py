@@ -57,7 +57,7 @@ def odd_scans():
             "scattered": Scan(round_about, scattered, 40.0),
             "far": Scan(round_about, np.full(36, 39.0), 40.0),
             "room": cast(WALLS, A, 0.005, 3),
-            "elsewhere": cast([*WALLS, [30.0, 0.0]], Pose2(33.0, 1.0, 0.2), 0.005, 4, 1.5),
+            "elsewhere": cast(WALLS + np.array([30.0, 0.0]), Pose2(33.0, 1.0, 0.2), 0.005, 4, 1.5),
         }
     )
 

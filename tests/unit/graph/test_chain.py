@@ -13,7 +13,7 @@ from slam_uwb.model.survey import Station
 NO_COVARIANCE = np.zeros((3, 3))
 
 
-def match(target, source, pose=Pose2(1.0, 0.0, 0.0), score=1.0, covariance=None) -> ScanMatch:  # noqa: B008
+def match(target, source, pose=Pose2(1.0, 0.0, 0.0), score=1.0, covariance=None) -> ScanMatch:
     covariance = np.diag([1e-4, 1e-4, 1e-5]) if covariance is None else covariance
     return ScanMatch(target, source, pose, covariance, 0.5, 0.0, score, 0)
 

@@ -93,7 +93,7 @@ def test_mirrored_landmarks_do_not_correspond(view, room, five):
 def test_sides_may_differ_by_ten_centimetres(view, room, five, stretch, found):
     index = view("a", room, Pose2(2.0, 1.5, 0.5))
     triangle = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])
-    longer = [*triangle, [0.0, 0.0], [stretch, 0.0], [0.0, 0.0]]
+    longer = triangle + np.array([[0.0, 0.0], [stretch, 0.0], [0.0, 0.0]])
     a, b = with_landmarks(index, triangle), with_landmarks(index, longer)
     assert len(landmark_matches(a, b, five)) == found
 

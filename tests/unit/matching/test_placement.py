@@ -172,6 +172,38 @@ def test_a_wall_counts_once_however_many_scans_confirm_it(view, room, settings):
     assert len(place_stations(scans, [*together, joined], enough)) == 1
 
 
+def test_places_along_a_row_of_niches_leave_stations_apart(view, settings):
+    """Niches every 3 m, the ends out of sight: three metres on, with the same heading, all looks the same."""
+    corners = [
+        (x + dx, y) for x in range(-60, 60, 3) for dx, y in ((0, 0), (2, 0), (2, -0.6), (3, -0.6))
+    ]
+    front = np.array([*zip(corners, corners[1:], strict=False)], dtype=float)
+    walls = np.concatenate([front, [[(-60, 2), (60, 2)]]])
+    a, b = Pose2(0.6, 0.9, 0.3), Pose2(1.9, 1.1, 1.0)
+    scans = {s: view(s, walls, p, max_range=8.0) for s, p in (("a", a), ("b", b))}
+    places = [a.inverse() @ Pose2(b.x + shift, b.y, b.theta) for shift in (0.0, 3.0, -3.0)]
+    found = [hypothesis(scans, "a", "b", p, settings, k) for k, p in enumerate(places)]
+    margins = settings.model_copy(update={"min_margin_m": 12.0})
+    assert len(place_stations(scans, found[:1], margins)) == 1
+    assert len(place_stations(scans, found, margins)) == 2
+
+
+def test_the_walls_of_two_blocks_settle_on_each_other(three_room_scans, three_room_poses, settings):
+    """Exact within the blocks, 10 cm and 2 degrees off between them: what joins them is aligned."""
+    names = ("s3", "s4", "s5", "s6")
+    scans = {s: three_room_scans[s] for s in names}
+
+    def joined(m, n, error):
+        pose = three_room_poses[m].inverse() @ three_room_poses[n] @ error
+        return hypothesis(three_room_scans, m, n, pose, settings)
+
+    for error in (Pose2(0.1, 0.0, 0.035), Pose2(-0.06, 0.08, -0.035)):
+        exact = [joined("s3", "s4", Pose2.identity()), joined("s5", "s6", Pose2.identity())]
+        blocks = place_stations(scans, [*exact, joined("s4", "s6", error)], settings)
+        assert [len(block.poses) for block in blocks] == [4]
+        assert_at_the_truth(blocks[0].poses, three_room_poses, metres=0.03, degrees=0.4)
+
+
 def test_ranges_decide_where_walls_leave_several_places(view, settings):
     """One nat counts as a metre of wall; what no range tells apart stays apart."""
     square = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]

@@ -113,6 +113,19 @@ def test_a_hypothesis_turned_about_its_place_disagrees_with_the_map(
     assert rows == ["disagrees with the merged map", "too little overlap"]
 
 
+def test_the_used_match_takes_the_rank_of_the_hypothesis_it_came_from(
+    three_room_scans, three_room_hypotheses, three_room_pairs, three_room_poses, settings
+):
+    """A pair whose best hypothesis is wrong and whose second is right: the second is used."""
+    others = [m for m in three_room_hypotheses if (m.target, m.source) != ("s3", "s4")]
+    truth = three_room_poses["s3"].inverse() @ three_room_poses["s4"]
+    pair = [match("s3", "s4", truth @ Pose2(2.0, 1.0, 1.5)), match("s3", "s4", truth, rank=1)]
+    result = select_matches(three_room_scans, [*others, *pair], three_room_pairs, settings, leave)
+    rows = [row for row in result.matches if (row.target, row.source) == ("s3", "s4")]
+    assert [row.rank for row in rows] == [0, 1]
+    assert [row.rejection for row in rows] == ["another hypothesis of the pair is used", None]
+
+
 def test_the_pose_graph_moves_the_placement(
     three_room_scans, three_room_hypotheses, three_room_pairs, settings
 ):

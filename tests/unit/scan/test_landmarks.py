@@ -19,7 +19,8 @@ def assert_same_points(found, expected, tolerance=1e-9):
 
 @pytest.mark.parametrize("theta", [0.0, 0.7, math.pi / 2, 3.1])
 def test_corners_and_virtual_corners_of_a_known_room(polygon, observe, settings, theta):
-    # Walls x = 0, 4, 6 and y = 0, 3, 4.5 meet in nine places: six corners, and the virtual (4, 0), (0, 3), (6, 4.5).
+    # Walls x = 0, 4, 6 and y = 0, 3, 4.5 meet in nine places: six corners, and the virtual
+    # (4, 0), (0, 3), (6, 4.5).
     pose = Pose2(2.6, 2.1, theta)
     landmarks = prepare_scan("s", observe(polygon(*L_ROOM), pose), settings).landmarks
     expected = [(x, y) for x in (0, 4, 6) for y in (0, 3, 4.5)]

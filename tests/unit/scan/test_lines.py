@@ -52,7 +52,7 @@ def test_an_l_shaped_room_has_six_exact_walls(polygon, observe, settings, theta)
 def test_ends_that_rays_meet_are_exact(observe, settings):
     # The rays at -30.5 and 20.5 degrees end on the ends of a wall 2 m ahead, along y (no slope there).
     ends = np.array([(2.0, 2.0 * math.tan(math.radians(a))) for a in (-30.5, 20.5)])
-    reach = [*ends, [0.0, -1e-07], [0.0, 1e-07]]
+    reach = ends + np.array([[0.0, -1e-7], [0.0, 1e-7]])
     segments = world_segments(reach[None], Pose2.identity(), observe, settings)
     np.testing.assert_allclose(segments, ends[None], atol=1e-9)
 

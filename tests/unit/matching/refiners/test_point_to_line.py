@@ -11,7 +11,6 @@ from slam_uwb.matching.refiners.point_to_line import (
 )
 from slam_uwb.model.geometry import Pose2
 
-MANY = 40
 """Steps of polishing after which nothing moves."""
 
 
@@ -32,7 +31,7 @@ def test_exact_scans_come_together_exactly(view, room, error, settings, directio
     )
     assert converged.tolist() == [True]
     assert error(poses[0], truth).max() < 1e-3
-    poses, converged = polish(target, source, poses, settings, MANY)
+    poses, converged = polish(target, source, poses, settings, until_still=True)
     assert converged.tolist() == [True]
     assert error(poses[0], truth).max() < 1e-6
 
@@ -48,7 +47,7 @@ def test_the_truth_of_exact_scans_is_left_where_it_is(view, room, error, setting
         poses, _ = polish(target, source, truth.vector[None], settings)
         # Points at corners, whose normals are wrong, pull a little until they are found to be outliers.
         assert error(poses[0], truth).max() < 1e-3
-        poses, _ = polish(target, source, poses, settings, MANY)
+        poses, _ = polish(target, source, poses, settings, until_still=True)
         assert error(poses[0], truth).max() < 1e-6
 
 
@@ -71,9 +70,9 @@ def test_swapped_scans_end_in_the_inverse(view, room, settings):
     target = view("a", room, Pose2(2.0, 1.5, 0.5), rng)
     source = view("b", room, Pose2(3.0, 2.2, -2.0), rng)
     start = (Pose2(2.0, 1.5, 0.5).inverse() @ Pose2(3.05, 2.2, -1.98)).vector
-    forth, _ = polish(target, source, start[None], settings, MANY)
+    forth, _ = polish(target, source, start[None], settings, until_still=True)
     back, _ = polish(
-        source, target, Pose2.from_vector(start).inverse().vector[None], settings, MANY
+        source, target, Pose2.from_vector(start).inverse().vector[None], settings, until_still=True
     )
     round_trip = Pose2.from_vector(forth[0]) @ Pose2.from_vector(back[0])
     np.testing.assert_allclose(round_trip.vector, 0.0, atol=1e-3)
@@ -134,7 +133,9 @@ def test_an_end_wall_holds_a_corridor_along_its_axis(view, error, settings):
     target, source = (view(s, walls, p, max_range=15.0) for s, p in (("a", a), ("b", b)))
     truth = a.inverse() @ b
     poses, _ = refine_point_to_line(target, source, off(truth, 0.2, 3.0, 1.0), settings)
-    assert error(polish(target, source, poses, settings, MANY)[0][0], truth).max() < 0.01
+    assert (
+        error(polish(target, source, poses, settings, until_still=True)[0][0], truth).max() < 0.01
+    )
 
 
 def test_candidates_of_a_batch_do_not_touch_one_another(view, room, settings):
@@ -205,7 +206,7 @@ def test_weights_are_metres_of_wall_near_a_reliable_one(view, room, settings):
     partner = target.nearest(transform(pose, source.scan.points))[0]
     assert target.reliable[partner[used]].all()
     assert used.mean() > 0.8
-    far = correspondences(target, source, [*pose, [9.0, 0.0, 0.0]], gate=0.2)[2][0]
-    moved = transform([*pose, [9.0, 0.0, 0.0]], source.scan.points)[0]
+    far = correspondences(target, source, pose + np.array([[9.0, 0.0, 0.0]]), gate=0.2)[2][0]
+    moved = transform(pose + np.array([[9.0, 0.0, 0.0]]), source.scan.points)[0]
     apart = np.linalg.norm(moved[:, None] - target.scan.points[None], axis=2).min(axis=1)
     assert (far[apart > 0.2] == 0.0).all()
