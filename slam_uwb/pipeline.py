@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ._version import __version__
 from .graph import SOLVERS, adjust_placement
 from .mapping import build_floor_map
 from .matching import candidate_pairs, index_scans, match_pairs, select_matches
-from .model.products import GraphProblem, Progress, silent
+from .model.products import GraphProblem, Progress, ScanMatch, silent
 from .model.settings import Settings
-from .model.solution import Solution
-from .model.survey import Survey
+from .model.solution import FloorMap, GraphEstimate, Solution
+from .model.survey import Scan, StationId, Survey
 from .ranging import range_gain, reduce_anchor_links, reduce_links
 from .scan import prepare_scan, reduce_scan
 
@@ -42,22 +44,21 @@ def solve_survey(
     settings = settings or Settings()
     # By name, not in the survey's order: which scan is fitted to which must not depend on it.
     stations = sorted(survey.stations, key=lambda station: station.id)
-    scans = {station.id: station.scan for station in stations if station.scan is not None}
-    prepared = {
-        station: prepare_scan(station, scan, settings.scan) for station, scan in scans.items()
-    }
-    indexed = index_scans(prepared, settings.matching)
+    recordings = {station.id: station.scan for station in stations if station.scan is not None}
+    scans = {name: prepare_scan(name, scan, settings.scan) for name, scan in recordings.items()}
+    links = reduce_links(survey, settings.ranging) if use_ranges else ()
+
+    indexed = index_scans(scans, settings.matching)
     pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching)
     hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
-    links = reduce_links(survey, settings.ranging) if use_ranges else ()
     selection = select_matches(
         indexed,
         hypotheses,
         pairs,
         settings.matching,
-        adjust_placement,
-        range_gain(survey, links),
-        progress,
+        adjust=adjust_placement,
+        range_gain=range_gain(survey, links),
+        progress=progress,
     )
     problem = GraphProblem(
         stations=survey.stations,
@@ -73,11 +74,21 @@ def solve_survey(
     progress("estimating poses and anchors", 0, 1)
     estimate = SOLVERS[settings.graph.mode](problem, settings.graph)
     progress("estimating poses and anchors", 1, 1)
-    poses = {
-        station.id: station.pose
-        for station in estimate.stations
-        if station.pose and station.id in prepared
-    }
+
+    poses = {s.id: s.pose for s in estimate.stations if s.pose is not None and s.id in scans}
+    floor_map = build_floor_map(scans, poses, settings.mapping) if poses else None
+    reduced = {name: reduce_scan(scan, settings.scan) for name, scan in recordings.items()}
+    return _solution(survey, settings, estimate, selection.matches, floor_map, reduced)
+
+
+def _solution(
+    survey: Survey,
+    settings: Settings,
+    estimate: GraphEstimate,
+    matches: tuple[ScanMatch, ...],
+    floor_map: FloorMap | None,
+    scans: Mapping[StationId, Scan],
+) -> Solution:
     return Solution(
         survey_name=survey.name,
         checksum=survey.checksum,
@@ -87,14 +98,14 @@ def solve_survey(
         frame=estimate.frame,
         stations=estimate.stations,
         anchors=estimate.anchors,
-        matches=selection.matches,
+        matches=matches,
         links=estimate.links,
         biases=estimate.biases,
         joint_names=estimate.joint_names,
         joint_covariance=estimate.joint_covariance,
         checks=estimate.checks,
-        floor_map=build_floor_map(prepared, poses, settings.mapping) if poses else None,
-        scans={station: reduce_scan(scan, settings.scan) for station, scan in scans.items()},
+        floor_map=floor_map,
+        scans=scans,
         tag_offset=survey.tag_offset,
         warnings=("decisions.csv is read, but not obeyed yet",) if survey.decisions else (),
     )

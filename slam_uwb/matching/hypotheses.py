@@ -17,6 +17,8 @@ from .refiners import REFINERS
 from .refiners.point_to_line import polish
 from .score import score_matches
 
+_SAME_BASIN_RAD = 0.1  # a match that turns further has left the placement
+
 Initialiser = Callable[[ScanIndex, ScanIndex, MatchingSettings], FloatArray]
 
 INITIALISERS: dict[str, Initialiser] = {
@@ -104,7 +106,10 @@ def rematch_pairs(
             until_still=until_still,
         )
         match = describe_match(scans[target], scans[source], poses[0], 0, settings)
-        stayed = match.target_T_source.distance_to(start) < settings.fine_gate_m
+        stayed = (
+            match.target_T_source.distance_to(start) < settings.fine_gate_m
+            and match.target_T_source.angle_to(start) < _SAME_BASIN_RAD
+        )
         if converged[0] and stayed and match.score >= settings.min_evidence_m:
             matches.append(match)
     return _strong_or_joining(matches, settings.min_overlap)

@@ -79,6 +79,7 @@ def place_stations(
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
+    *,
     range_gain: RangeGain = no_ranges,
     progress: Progress = silent,
 ) -> tuple[Block, ...]:

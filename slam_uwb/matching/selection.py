@@ -40,6 +40,7 @@ def select_matches(
     hypotheses: Sequence[ScanMatch],
     pairs: Sequence[Pair],
     settings: MatchingSettings,
+    *,
     adjust: Adjust,
     range_gain: RangeGain = no_ranges,
     progress: Progress = silent,
@@ -55,7 +56,7 @@ def select_matches(
         placement = spanning_placement(tuple(scans), used)
         used = tuple(match for match in used if match.source in placement)
         return Selection(placement, used, _with_reasons(hypotheses, used, placement))
-    blocks = place_stations(scans, hypotheses, settings, range_gain, progress)
+    blocks = place_stations(scans, hypotheses, settings, range_gain=range_gain, progress=progress)
     placement = dict(blocks[0].poses) if blocks else {}
     used = rematch_pairs(scans, placement, pairs, settings)
     for last in (False, True):
@@ -97,7 +98,7 @@ def spanning_placement(
 def _largest_group(
     placement: Mapping[StationId, Pose2], used: Sequence[ScanMatch]
 ) -> dict[StationId, Pose2]:
-    """Those stations of a placement that the used matches still connect; two at least, or none."""
+    """The largest group of stations of a placement that the used matches still connect."""
     stations = tuple(placement)
     connected = spanning_placement(stations, used) if stations else {}
     order = {station: index for index, station in enumerate(stations)}

@@ -12,6 +12,11 @@ def interrupt(program):
     return partial(run_and_interrupt, program)
 
 
+def listen():
+    """Hear SIGINT even where the suite itself runs in the background and ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def run_and_interrupt(program, arguments, stage, number):
     """Run, wait for the log line of a stage of the work, send the signal."""
     with subprocess.Popen(
@@ -19,6 +24,7 @@ def run_and_interrupt(program, arguments, stage, number):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=listen,
     ) as process:
         lines = iter(process.stderr.readline, "")
         assert any(stage in line for line in lines), "the stage was never reached"

@@ -78,7 +78,9 @@ def polish(
         )
         if np.abs(step).max(initial=0.0) < _STILL:
             break
-    return poses, (np.abs(step) < _SETTLED).all(axis=1)
+    # Where nothing pairs, nothing moves: that is no match.
+    paired = correspondences(target, source, poses, gate=settings.fine_gate_m)[2].any(axis=1)
+    return poses, paired & (np.abs(step) < _SETTLED).all(axis=1)
 
 
 def _step(

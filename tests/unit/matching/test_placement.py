@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -177,7 +178,7 @@ def test_places_along_a_row_of_niches_leave_stations_apart(view, settings):
     corners = [
         (x + dx, y) for x in range(-60, 60, 3) for dx, y in ((0, 0), (2, 0), (2, -0.6), (3, -0.6))
     ]
-    front = np.array([*zip(corners, corners[1:], strict=False)], dtype=float)
+    front = np.array([*pairwise(corners)], dtype=float)
     walls = np.concatenate([front, [[(-60, 2), (60, 2)]]])
     a, b = Pose2(0.6, 0.9, 0.3), Pose2(1.9, 1.1, 1.0)
     scans = {s: view(s, walls, p, max_range=8.0) for s, p in (("a", a), ("b", b))}
@@ -205,7 +206,7 @@ def test_the_walls_of_two_blocks_settle_on_each_other(three_room_scans, three_ro
 
 
 def test_ranges_decide_where_walls_leave_several_places(view, settings):
-    """One nat counts as a metre of wall; what no range tells apart stays apart."""
+    """Of four places that walls hold alike, the one that the ranges prefer by far."""
     square = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]
     a, b = Pose2(2.2, 1.4, 0.3), Pose2(1.1, 2.5, 1.0)
     scans = {"a": view("a", square, a), "b": view("b", square, b)}

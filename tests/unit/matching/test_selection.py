@@ -22,7 +22,7 @@ def match(target, source, pose=Pose2(1.0, 0.0, 0.0), score=10.0, rank=0):
 @pytest.fixture(scope="module")
 def selected(three_room_scans, three_room_hypotheses, three_room_pairs, settings):
     return select_matches(
-        three_room_scans, three_room_hypotheses, three_room_pairs, settings, leave
+        three_room_scans, three_room_hypotheses, three_room_pairs, settings, adjust=leave
     )
 
 
@@ -90,7 +90,7 @@ def test_hypotheses_of_stations_that_are_not_placed_say_so(
         [*three_room_hypotheses, lonely],
         [*three_room_pairs, ("s1", "zz")],
         settings,
-        leave,
+        adjust=leave,
     )
     assert "zz" not in result.placement
     row = result.matches[-1]
@@ -107,7 +107,7 @@ def test_a_hypothesis_turned_about_its_place_disagrees_with_the_map(
     right = match("s1", "s7", truth, rank=1)
     strict = settings.model_copy(update={"min_overlap": 0.9, "min_evidence_m": 1.0})
     pairs = [pair for pair in three_room_pairs if pair != ("s1", "s7")]
-    result = select_matches(three_room_scans, [*others, turned, right], pairs, strict, leave)
+    result = select_matches(three_room_scans, [*others, turned, right], pairs, strict, adjust=leave)
     assert len(result.placement) == 7
     rows = [row.rejection for row in result.matches if (row.target, row.source) == ("s1", "s7")]
     assert rows == ["disagrees with the merged map", "too little overlap"]
@@ -120,7 +120,9 @@ def test_the_used_match_takes_the_rank_of_the_hypothesis_it_came_from(
     others = [m for m in three_room_hypotheses if (m.target, m.source) != ("s3", "s4")]
     truth = three_room_poses["s3"].inverse() @ three_room_poses["s4"]
     pair = [match("s3", "s4", truth @ Pose2(2.0, 1.0, 1.5)), match("s3", "s4", truth, rank=1)]
-    result = select_matches(three_room_scans, [*others, *pair], three_room_pairs, settings, leave)
+    result = select_matches(
+        three_room_scans, [*others, *pair], three_room_pairs, settings, adjust=leave
+    )
     rows = [row for row in result.matches if (row.target, row.source) == ("s3", "s4")]
     assert [row.rank for row in rows] == [0, 1]
     assert [row.rejection for row in rows] == ["another hypothesis of the pair is used", None]
@@ -137,7 +139,7 @@ def test_the_pose_graph_moves_the_placement(
         return {s: Pose2(100.0, 0.0, 0.0) @ pose for s, pose in placement.items()}
 
     result = select_matches(
-        three_room_scans, three_room_hypotheses, three_room_pairs, settings, shift
+        three_room_scans, three_room_hypotheses, three_room_pairs, settings, adjust=shift
     )
     assert len(calls) >= 1
     for placement, matches in calls:
@@ -155,7 +157,7 @@ def test_stations_that_no_used_match_connects_any_more_leave_the_group(
                 for s, pose in placement.items()}  # fmt: skip
 
     result = select_matches(
-        three_room_scans, three_room_hypotheses, three_room_pairs, settings, lose
+        three_room_scans, three_room_hypotheses, three_room_pairs, settings, adjust=lose
     )
     assert set(result.placement) == {f"s{k}" for k in range(2, 8)}
     assert all("s1" not in (m.target, m.source) for m in result.used)
@@ -168,7 +170,7 @@ def test_sequence_uses_the_best_match_of_every_pair(
     three_room_scans, three_room_hypotheses, three_room_pairs, by_sequence
 ):
     result = select_matches(
-        three_room_scans, three_room_hypotheses, three_room_pairs, by_sequence, leave
+        three_room_scans, three_room_hypotheses, three_room_pairs, by_sequence, adjust=leave
     )
     assert all(used.rank == 0 for used in result.used)
     assert [(u.target, u.source) for u in result.used] == [
@@ -185,7 +187,7 @@ def test_a_chain_is_placed_by_equations_6_to_8(by_sequence, three_room_scans):
     """Each step 1 m ahead and a quarter turn: the corners of a square."""
     step = Pose2(1.0, 0.0, math.pi / 2)
     chain = [match("s1", "s2", step), match("s2", "s3", step), match("s3", "s4", step)]
-    result = select_matches(three_room_scans, chain, (), by_sequence, leave)
+    result = select_matches(three_room_scans, chain, (), by_sequence, adjust=leave)
     places = {s: pose.vector for s, pose in result.placement.items()}
     expected = {"s1": (0, 0, 0), "s2": (1, 0, 0.5), "s3": (1, 1, 1), "s4": (0, 1, -0.5)}
     assert places.keys() == expected.keys()
@@ -195,7 +197,7 @@ def test_a_chain_is_placed_by_equations_6_to_8(by_sequence, three_room_scans):
 
 def test_matches_outside_the_largest_group_are_not_used(by_sequence, three_room_scans):
     hypotheses = [match("s1", "s2"), match("s3", "s4"), match("s4", "s5")]
-    result = select_matches(three_room_scans, hypotheses, (), by_sequence, leave)
+    result = select_matches(three_room_scans, hypotheses, (), by_sequence, adjust=leave)
     assert list(result.placement) == ["s3", "s4", "s5"]
     assert [(u.target, u.source) for u in result.used] == [("s3", "s4"), ("s4", "s5")]
     assert [row.rejection for row in result.matches] == ["s1 is not placed", None, None]
@@ -242,6 +244,6 @@ def test_groups_merge_whichever_match_joins_them():
 def test_nothing_to_choose_from_is_no_error(three_room_scans, settings, placement, count):
     scans = dict(list(three_room_scans.items())[:count])
     chosen = settings.model_copy(update={"placement": placement})
-    result = select_matches(scans, (), (), chosen, leave)
+    result = select_matches(scans, (), (), chosen, adjust=leave)
     assert result.used == result.matches == ()
     assert len(result.placement) <= count
