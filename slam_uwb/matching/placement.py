@@ -20,7 +20,7 @@ from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose, invert
 from .index import ScanIndex
-from .refiners.point_to_line import correspondences
+from .refiners.point_to_line import correspondences, damped_step
 from .score import point_evidence
 
 _STRIDE = 2  # every second point is enough to weigh walls
@@ -244,8 +244,7 @@ def _align(
             weighted = np.swapaxes(jacobian * weight[:, :, None], 1, 2)
             hessian += weighted @ jacobian
             gradient += (weighted @ residual[:, :, None])[:, :, 0]
-        damping = 1e-6 * np.trace(hessian, axis1=1, axis2=2)[:, None, None] + 1e-9
-        step = -np.linalg.solve(hessian + damping * np.eye(3), gradient[:, :, None])[:, :, 0]
+        step = damped_step(hessian, gradient)
         candidates = compose(candidates, np.clip(step, -0.2, 0.2))
     return candidates
 

@@ -19,7 +19,6 @@ from .index import ScanIndex
 _HIT_M = 0.15  # residuals beyond this confirm nothing
 _HIT_SCALE_M = 0.10
 _NEAR_M = 0.30  # a point this near to a wall of the other scan does not lie in its free space
-_WALL_SLOPE_VARIANCE = 0.003  # points with a less certain normal are clutter
 _AGREE = 0.7  # cosine between normals that face the same way: two faces of one wall do not confirm each other
 
 
@@ -64,8 +63,8 @@ def point_evidence(
     # Ramp: just inside the free space a wall's roughness or a small rotation error is enough of an
     # explanation.
     through = np.where(near, 0.0, np.clip(depth / settings.free_space_margin_m, 0.0, 1.0))
-    # Legs of chairs and edges are seen from here and missed from there: walls alone contradict.
-    through = through * (source.scan.normal_variance[::stride] < _WALL_SLOPE_VARIANCE)
+    # Clutter is seen from here and missed from there: walls alone contradict.
+    through = through * source.scan.on_wall[::stride]
     return PointEvidence(hit, through)
 
 

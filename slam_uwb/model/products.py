@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .geometry import FloatArray, Matrix3, Points, Pose2, frozen_array
 from .survey import Anchor, AnchorId, RangeOffset, Station, StationId
 
@@ -34,8 +37,10 @@ class PreparedScan:
     """(N,) variance of the wall's slope at the point; infinite where there is no normal."""
     lengths: FloatArray
     """(N,) m of wall that the point stands for (half the gaps to its neighbours, capped)."""
+    on_wall: NDArray[np.bool_]
+    """(N,) whether the point lies on a wall segment; clutter and furniture's edges do not."""
     segments: FloatArray
-    """(S, 2, 2) m, wall segments as end points, by bearing."""
+    """(S, 2, 2) m, wall segments as end points."""
     landmarks: Points
     """(L, 2) m, intersections of wall lines, virtual ones included (paper, Algorithm 2)."""
     free_ranges: FloatArray
@@ -51,6 +56,8 @@ class PreparedScan:
         }  # fmt: skip
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+        on_wall = frozen_array(self.on_wall, (count,), "on_wall", np.bool_)
+        object.__setattr__(self, "on_wall", on_wall)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,21 +12,31 @@ from ..model.geometry import FloatArray, Points
 from ..model.settings import ScanSettings
 
 
-def extract_segments(
-    points: Points, gaps: FloatArray, settings: ScanSettings
-) -> tuple[FloatArray, list[np.ndarray]]:
-    """Straight wall segments of one scan.
+def straight_parts(points: Points, gaps: FloatArray, settings: ScanSettings) -> list[np.ndarray]:
+    """Indices of points that follow each other along one straight line, part by part, every point once.
 
     Args:
         points: (N, 2) m, ordered by bearing all the way round.
         gaps: (N,) m; a point further than this from the next one ends a wall there.
-        settings: Split distance, least length and number of points.
-
-    Returns:
-        (S, 2, 2) end points by bearing, and for each segment the indices of its points.
+        settings: Split distance.
     """
     runs = _runs(points, gaps)
-    parts = [part for run in runs for part in _split(points, run, settings.split_distance_m)]
+    return [part for run in runs for part in _split(points, run, settings.split_distance_m)]
+
+
+def extract_segments(
+    points: Points, parts: list[np.ndarray], settings: ScanSettings
+) -> tuple[FloatArray, list[np.ndarray]]:
+    """Wall segments: the straight parts that are long enough.
+
+    Args:
+        points: (N, 2) m.
+        parts: Of `straight_parts`.
+        settings: Least length and number of points.
+
+    Returns:
+        (S, 2, 2) end points in the order of the parts, and for each segment the indices of its points.
+    """
     segments, members = [], []
     for part in parts:
         if len(part) < settings.min_segment_points:

@@ -11,7 +11,7 @@ from ..model.products import PreparedScan
 from ..model.settings import ScanSettings
 from ..model.survey import Scan, StationId
 from .landmarks import extract_landmarks
-from .lines import extract_segments, segment_noise
+from .lines import extract_segments, segment_noise, straight_parts
 
 _SURFACE_GAP_M = (
     0.1  # the two middle samples of a bin further apart than this are two surfaces, not noise
@@ -81,15 +81,17 @@ def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> Prep
     points = ranges[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
     bin_width = math.radians(settings.bin_deg)
     gaps = np.maximum(settings.neighbour_gap_m, 3.0 * ranges * bin_width)
-    segments, members = extract_segments(points, gaps, settings)
+    parts = straight_parts(points, gaps, settings)
+    segments, members = extract_segments(points, parts, settings)
     noise = segment_noise(points, segments, members)
-    normals, variance = _normals(points, ranges, noise, settings)
+    normals, variance = _normals(points, ranges, parts, noise, settings)
     return PreparedScan(
         station=station,
         points=points,
         normals=normals,
         normal_variance=variance,
         lengths=_arc_lengths(points, settings.max_point_length_m),
+        on_wall=np.isin(np.arange(len(points)), np.concatenate([[-1], *members])),
         segments=segments,
         landmarks=extract_landmarks(segments, settings),
         free_ranges=_free_ranges(bearings, ranges, settings),
@@ -98,20 +100,31 @@ def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> Prep
 
 
 def _normals(
-    points: Points, ranges: FloatArray, noise: float, settings: ScanSettings
+    points: Points,
+    ranges: FloatArray,
+    parts: list[np.ndarray],
+    noise: float,
+    settings: ScanSettings,
 ) -> tuple[Points, FloatArray]:
     """Unit normals towards the scanner (N, 2) and the variance of the wall's slope (N,), by local PCA.
 
     The variance is that of library practice for total least squares: residual variance over the
-    spread along the wall. Points far from the scanner are sparse, so their neighbourhood grows with
-    the distance of the bins.
+    spread along the wall. Neighbours are those of the same straight part: round a corner they would
+    bend the normal, and the jambs of a door, which alone hold two rooms together, would have none.
+    Points far from the scanner are sparse, so their neighbourhood grows with the distance of the
+    bins.
     """
     count = len(points)
     if count == 0:
         return np.zeros((0, 2)), np.zeros(0)
     radius = np.maximum(settings.normal_radius_m, 2.5 * ranges * math.radians(settings.bin_deg))
     offsets = points[None, :, :] - points[:, None, :]
-    near = (np.einsum("ijk,ijk->ij", offsets, offsets) <= (radius**2)[:, None]).astype(np.float64)
+    part_of = np.full(count, -1)
+    for index, part in enumerate(parts):
+        part_of[part] = index
+    same = part_of[:, None] == part_of[None, :]
+    close = np.einsum("ijk,ijk->ij", offsets, offsets) <= (radius**2)[:, None]
+    near = (close & same).astype(np.float64)
     k = near.sum(axis=1)
     mean = np.einsum("ij,ijk->ik", near, offsets) / k[:, None]
     xx = np.einsum("ij,ij->i", near, offsets[:, :, 0] ** 2) - k * mean[:, 0] ** 2
@@ -127,7 +140,7 @@ def _normals(
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     normals = np.column_stack([np.cos(angle), np.sin(angle)])
     normals *= np.where(np.einsum("ij,ij->i", normals, points) > 0.0, -1.0, 1.0)[:, None]
-    enough = (k >= 4) & (large > 0.0)
+    enough = (k >= 3) & (large > 0.0)
     variance = np.full(count, np.inf)
     variance[enough] = np.maximum(small[enough] / (k[enough] - 2.0), noise**2) / large[enough]
     normals[~enough] = 0.0

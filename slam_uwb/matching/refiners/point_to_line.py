@@ -17,8 +17,8 @@ _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration st
 _COARSE = 3  # every third point is enough to find the basin
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
 _SHRINK = 0.6
-_STEPS, _STEPS_UNTIL_STILL = 6, 30
-_STILL = 1e-7  # m and rad; nothing moves any more
+_STEPS, _STEPS_UNTIL_STILL = 6, 40
+_STILL = 1e-8  # m and rad; nothing moves any more
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
 
@@ -113,13 +113,20 @@ def _step(
     weighted = jacobian * weight[:, :, None]
     hessian = np.swapaxes(jacobian, 1, 2) @ weighted
     gradient = (np.swapaxes(weighted, 1, 2) @ residual[:, :, None])[:, :, 0]
-    # Damping keeps a direction that only the noise of normals holds (a corridor's axis) where it is.
+    step = damped_step(hessian, gradient)
+    step = np.clip(step, -0.5, 0.5)
+    return compose(poses, step), step
+
+
+def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
+    """(K, 3) Gauss-Newton steps of normal equations (K, 3, 3), (K, 3), in (x, y, theta).
+
+    Damping keeps a direction that only the noise of normals holds (a corridor's axis) where it is.
+    """
     translation = hessian[:, 0, 0] + hessian[:, 1, 1]
     damping = _DAMPING * np.stack([translation, translation, hessian[:, 2, 2]], axis=1) + 1e-12
     damped = hessian + damping[:, :, None] * np.eye(3)
-    step = -np.linalg.solve(damped, gradient[:, :, None])[:, :, 0]
-    step = np.clip(step, -0.5, 0.5)
-    return compose(poses, step), step
+    return np.asarray(-np.linalg.solve(damped, gradient[:, :, None])[:, :, 0])
 
 
 def correspondences(

@@ -23,6 +23,7 @@ def scan_of(points, normals=None, lengths=None):
         normals=np.zeros_like(points) if normals is None else normals,
         normal_variance=np.zeros(len(points)),
         lengths=np.zeros(len(points)) if lengths is None else lengths,
+        on_wall=np.ones(len(points), dtype=bool),
         segments=np.zeros((0, 2, 2)),
         landmarks=np.zeros((0, 2)),
         free_ranges=np.zeros(0),
