@@ -8,7 +8,7 @@ apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -18,12 +18,11 @@ from ..model.geometry import FloatArray, Pose2
 from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .batch import compose, invert
+from .batch import compose
+from .evidence import STRIDE, Block, crossing, merge_blocks, merge_gains, single_block
 from .index import ScanIndex
 from .refiners.point_to_line import correspondences, damped_step
-from .score import point_evidence
 
-_STRIDE = 2  # every second point is enough to weigh walls
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
 _CANDIDATES = 10
@@ -39,27 +38,6 @@ def no_ranges(
 ) -> FloatArray:
     """Ranges that say nothing."""
     return np.zeros(len(candidates))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    """What the other scans of its block say of the points of one scan."""
-
-    hits: FloatArray
-    """(N,) soft number of scans that confirm the point."""
-    best: FloatArray
-    """(N,) how well the best of them does, 0-1."""
-    through: FloatArray
-    """(N,) soft number of scans that looked through it."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Block:
-    """Stations that hold together."""
-
-    poses: Mapping[StationId, Pose2]
-    """block_T_station; the block's frame is that of its first station."""
-    seen: Mapping[StationId, _Seen]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +74,7 @@ def place_stations(
         Blocks by number of stations, then in the survey's order; a station that nothing holds is a
         block alone.
     """
-    blocks = {index: _single(station, scans[station]) for index, station in enumerate(scans)}
+    blocks = {index: single_block(station, scans[station]) for index, station in enumerate(scans)}
     merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, hypotheses, settings, range_gain)
               for pair in combinations(blocks, 2)}  # fmt: skip
     count = len(blocks)
@@ -110,7 +88,7 @@ def place_stations(
             break
         (a, b), merge = max(ready.items(), key=lambda item: (item[1].priority, item[1].margin))
         new = max(blocks) + 1
-        merged = _merged(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
+        merged = merge_blocks(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
         merges = {pair: kept for pair, kept in merges.items() if not {a, b} & set(pair)}
         merges |= {
             (old, new): _best_merge(block, merged, scans, hypotheses, settings, range_gain)
@@ -126,27 +104,6 @@ def place_stations(
     )
 
 
-def _single(station: StationId, scan: ScanIndex) -> Block:
-    zero = np.zeros(len(scan.scan.points[::_STRIDE]))
-    return Block({station: Pose2.identity()}, {station: _Seen(zero, zero, zero)})
-
-
-def _evidence(seen: _Seen, lengths: FloatArray, settings: MatchingSettings) -> FloatArray:
-    """Metres of a scan's wall that hold minus weighted metres looked through; sums over the last axis.
-
-    A wall counts once a scan, by the best of its witnesses and by the share of them that deny it.
-    """
-    denied = seen.through / np.maximum(seen.through + seen.hits, 1e-9)
-    return np.asarray(
-        (seen.best - settings.violation_weight * np.where(seen.through > 0.0, denied, 0.0))
-        @ lengths
-    )
-
-
-def _lengths(scan: ScanIndex) -> FloatArray:
-    return scan.scan.lengths[::_STRIDE] * _STRIDE
-
-
 def _best_merge(
     a: Block,
     b: Block,
@@ -160,7 +117,7 @@ def _best_merge(
     if not len(candidates):
         return None
     candidates = _align(a, b, candidates, scans)
-    gains = _gains(a, b, candidates, scans, settings)
+    gains = merge_gains(a, b, candidates, scans, settings)
     # What the walls deny, no range can save: ranges choose among what the walls allow.
     allowed = gains >= settings.min_margin_m
     if not allowed.any():
@@ -218,16 +175,6 @@ def _candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArr
     return stack[chosen]
 
 
-def _crossing(
-    a: Block, b: Block, candidates: FloatArray
-) -> Iterator[tuple[StationId, StationId, FloatArray, Pose2]]:
-    """Stations i of a and j of b with i_T_j (K, 3) at each candidate a_T_b, and b_T_j."""
-    for j, b_T_j in b.poses.items():
-        a_T_j = compose(candidates, np.tile(b_T_j.vector, (len(candidates), 1)))
-        for i, a_T_i in a.poses.items():
-            yield i, j, compose(np.tile(a_T_i.inverse().vector, (len(candidates), 1)), a_T_j), b_T_j
-
-
 def _align(
     a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> FloatArray:
@@ -235,9 +182,9 @@ def _align(
     for gate in (0.4, 0.2):
         hessian = np.zeros((len(candidates), 3, 3))
         gradient = np.zeros((len(candidates), 3))
-        for i, j, i_T_j, b_T_j in _crossing(a, b, candidates):
+        for i, j, i_T_j, b_T_j in crossing(a, b, candidates):
             residual, jacobian, weight = correspondences(
-                scans[i], scans[j], i_T_j, gate=gate, stride=_STRIDE
+                scans[i], scans[j], i_T_j, gate=gate, stride=STRIDE
             )
             jacobian = jacobian @ b_T_j.inverse().adjoint()
             weight = weight / (1.0 + (residual / (0.3 * gate)) ** 2)
@@ -247,69 +194,3 @@ def _align(
         step = damped_step(hessian, gradient)
         candidates = compose(candidates, np.clip(step, -0.2, 0.2))
     return candidates
-
-
-def _cross_seen(
-    a: Block,
-    b: Block,
-    candidates: FloatArray,
-    scans: Mapping[StationId, ScanIndex],
-    settings: MatchingSettings,
-) -> tuple[dict[StationId, _Seen], dict[StationId, _Seen]]:
-    """What the scans of each block say of the points of the other's, with arrays (K, N) over the candidates."""
-    seen_a = {i: _broadcast(seen, len(candidates)) for i, seen in a.seen.items()}
-    seen_b = {j: _broadcast(seen, len(candidates)) for j, seen in b.seen.items()}
-    for i, j, i_T_j, _ in _crossing(a, b, candidates):
-        for seen, key, target, source, pose in (
-            (seen_b, j, i, j, i_T_j),
-            (seen_a, i, j, i, invert(i_T_j)),
-        ):
-            evidence = point_evidence(scans[target], scans[source], pose, settings, _STRIDE)
-            seen[key] = _Seen(
-                seen[key].hits + evidence.hit,
-                np.maximum(seen[key].best, evidence.hit),
-                seen[key].through + evidence.seen_through,
-            )
-    return seen_a, seen_b
-
-
-def _broadcast(seen: _Seen, count: int) -> _Seen:
-    return _Seen(*(np.tile(values, (count, 1)) for values in (seen.hits, seen.best, seen.through)))
-
-
-def _gains(
-    a: Block,
-    b: Block,
-    candidates: FloatArray,
-    scans: Mapping[StationId, ScanIndex],
-    settings: MatchingSettings,
-) -> FloatArray:
-    """(K,) evidence of the merged map minus that of the two blocks apart."""
-    apart = sum(
-        _evidence(seen, _lengths(scans[station]), settings)
-        for block in (a, b)
-        for station, seen in block.seen.items()
-    )
-    together = sum(
-        _evidence(seen, _lengths(scans[station]), settings)
-        for side in _cross_seen(a, b, candidates, scans, settings)
-        for station, seen in side.items()
-    )
-    return np.asarray(together - apart)
-
-
-def _merged(
-    a: Block,
-    b: Block,
-    a_T_b: FloatArray,
-    scans: Mapping[StationId, ScanIndex],
-    settings: MatchingSettings,
-) -> Block:
-    """One block in the frame of `a`."""
-    pose = Pose2.from_vector(a_T_b)
-    seen_a, seen_b = _cross_seen(a, b, a_T_b[None, :], scans, settings)
-    seen = {
-        station: _Seen(values.hits[0], values.best[0], values.through[0])
-        for station, values in (seen_a | seen_b).items()
-    }
-    return Block({**a.poses, **{station: pose @ place for station, place in b.poses.items()}}, seen)

@@ -1,0 +1,138 @@
+"""Evidence of merged maps: blocks of stations, and what the scans of a block say of each other's walls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.geometry import FloatArray, Pose2
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .batch import compose, invert
+from .index import ScanIndex
+from .score import point_evidence
+
+STRIDE = 2
+"""Every second point is enough to weigh walls."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What the other scans of its block say of the points of one scan."""
+
+    hits: FloatArray
+    """(N,) soft number of scans that confirm the point."""
+    best: FloatArray
+    """(N,) how well the best of them does, 0-1."""
+    through: FloatArray
+    """(N,) soft number of scans that looked through it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Stations that hold together."""
+
+    poses: Mapping[StationId, Pose2]
+    """block_T_station; the block's frame is that of its first station."""
+    seen: Mapping[StationId, Seen]
+
+
+def single_block(station: StationId, scan: ScanIndex) -> Block:
+    """One station alone, in its own frame; nobody confirms what it sees."""
+    zero = np.zeros(len(scan.scan.points[::STRIDE]))
+    return Block({station: Pose2.identity()}, {station: Seen(zero, zero, zero)})
+
+
+def evidence_of(seen: Seen, lengths: FloatArray, settings: MatchingSettings) -> FloatArray:
+    """Metres of a scan's wall that hold minus weighted metres looked through; sums over the last axis.
+
+    A wall counts once a scan, by the best of its witnesses and by the share of them that deny it.
+    """
+    denied = seen.through / np.maximum(seen.through + seen.hits, 1e-9)
+    return np.asarray(
+        (seen.best - settings.violation_weight * np.where(seen.through > 0.0, denied, 0.0))
+        @ lengths
+    )
+
+
+def lengths_of(scan: ScanIndex) -> FloatArray:
+    """(N,) metres of wall that each of the points looked at stands for."""
+    return scan.scan.lengths[::STRIDE] * STRIDE
+
+
+def crossing(
+    a: Block, b: Block, candidates: FloatArray
+) -> Iterator[tuple[StationId, StationId, FloatArray, Pose2]]:
+    """Stations i of a and j of b with i_T_j (K, 3) at each candidate a_T_b, and b_T_j."""
+    for j, b_T_j in b.poses.items():
+        a_T_j = compose(candidates, np.tile(b_T_j.vector, (len(candidates), 1)))
+        for i, a_T_i in a.poses.items():
+            yield i, j, compose(np.tile(a_T_i.inverse().vector, (len(candidates), 1)), a_T_j), b_T_j
+
+
+def _cross_seen(
+    a: Block,
+    b: Block,
+    candidates: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> tuple[dict[StationId, Seen], dict[StationId, Seen]]:
+    """What the scans of each block say of the points of the other's, with arrays (K, N) over the candidates."""
+    seen_a = {i: _broadcast(seen, len(candidates)) for i, seen in a.seen.items()}
+    seen_b = {j: _broadcast(seen, len(candidates)) for j, seen in b.seen.items()}
+    for i, j, i_T_j, _ in crossing(a, b, candidates):
+        for seen, key, target, source, pose in (
+            (seen_b, j, i, j, i_T_j),
+            (seen_a, i, j, i, invert(i_T_j)),
+        ):
+            evidence = point_evidence(scans[target], scans[source], pose, settings, STRIDE)
+            seen[key] = Seen(
+                seen[key].hits + evidence.hit,
+                np.maximum(seen[key].best, evidence.hit),
+                seen[key].through + evidence.seen_through,
+            )
+    return seen_a, seen_b
+
+
+def _broadcast(seen: Seen, count: int) -> Seen:
+    return Seen(*(np.tile(values, (count, 1)) for values in (seen.hits, seen.best, seen.through)))
+
+
+def merge_gains(
+    a: Block,
+    b: Block,
+    candidates: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> FloatArray:
+    """(K,) evidence of the merged map minus that of the two blocks apart."""
+    apart = sum(
+        evidence_of(seen, lengths_of(scans[station]), settings)
+        for block in (a, b)
+        for station, seen in block.seen.items()
+    )
+    together = sum(
+        evidence_of(seen, lengths_of(scans[station]), settings)
+        for side in _cross_seen(a, b, candidates, scans, settings)
+        for station, seen in side.items()
+    )
+    return np.asarray(together - apart)
+
+
+def merge_blocks(
+    a: Block,
+    b: Block,
+    a_T_b: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> Block:
+    """One block in the frame of `a`."""
+    pose = Pose2.from_vector(a_T_b)
+    seen_a, seen_b = _cross_seen(a, b, a_T_b[None, :], scans, settings)
+    seen = {
+        station: Seen(values.hits[0], values.best[0], values.through[0])
+        for station, values in (seen_a | seen_b).items()
+    }
+    return Block({**a.poses, **{station: pose @ place for station, place in b.poses.items()}}, seen)
