@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ._version import __version__
 from .graph import SOLVERS, adjust_placement
 from .mapping import build_floor_map
-from .matching import candidate_pairs, index_scans, match_pairs, select_matches
+from .matching import Selection, candidate_pairs, index_scans, match_pairs, select_matches
+from .model.errors import DisconnectedSurveyError
+from .model.geometry import Pose2
 from .model.products import GraphProblem, Progress, ScanMatch, silent
-from .model.settings import Settings
-from .model.solution import FloorMap, GraphEstimate, Solution
+from .model.settings import GraphSettings, Settings
+from .model.solution import (
+    Alternative,
+    FloorMap,
+    GraphEstimate,
+    Solution,
+    StationEstimate,
+    Status,
+)
 from .model.survey import Scan, StationId, Survey
 from .ranging import range_gain, reduce_anchor_links, reduce_links
 from .scan import prepare_scan, reduce_scan
@@ -72,13 +82,50 @@ def solve_survey(
         sequence=survey.sequence,
     )
     progress("estimating poses and anchors", 0, 1)
-    estimate = SOLVERS[settings.graph.mode](problem, settings.graph)
+    estimate = _solve(problem, settings.graph, selection)
     progress("estimating poses and anchors", 1, 1)
 
     poses = {s.id: s.pose for s in estimate.stations if s.pose is not None and s.id in scans}
     floor_map = build_floor_map(scans, poses, settings.mapping) if poses else None
     reduced = {name: reduce_scan(scan, settings.scan) for name, scan in recordings.items()}
     return _solution(survey, settings, estimate, selection.matches, floor_map, reduced)
+
+
+def _solve(problem: GraphProblem, settings: GraphSettings, selection: Selection) -> GraphEstimate:
+    """The solver's estimate, with the stations that matching found to fit at several places named so."""
+    try:
+        estimate = SOLVERS[settings.mode](problem, settings)
+    except DisconnectedSurveyError as error:
+        if not selection.ambiguous:
+            raise
+        names = ", ".join(selection.ambiguous)
+        raise DisconnectedSurveyError(
+            f"every station fits at more than one place ({names}): the building repeats itself; "
+            "ranges to anchors or a surveyed station would tell"
+        ) from error
+    shared = [
+        station.pose @ selection.placement[station.id].inverse()
+        for station in estimate.stations
+        if station.pose is not None and station.id in selection.placement
+    ]
+    if not shared:
+        return estimate
+    world_T_placement = shared[0]
+    stations = tuple(
+        _ambiguous(station, selection.ambiguous[station.id], world_T_placement)
+        if station.id in selection.ambiguous and station.pose is None
+        else station
+        for station in estimate.stations
+    )
+    return replace(estimate, stations=stations)
+
+
+def _ambiguous(
+    station: StationEstimate, places: tuple[tuple[Pose2, float], ...], world_T_placement: Pose2
+) -> StationEstimate:
+    poses = [(world_T_placement @ pose, weight) for pose, weight in places]
+    alternatives = tuple(Alternative(p.x, p.y, p.theta, weight) for p, weight in poses)
+    return replace(station, status=Status.AMBIGUOUS, alternatives=alternatives)
 
 
 def _solution(

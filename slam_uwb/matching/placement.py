@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import Progress, ScanMatch, silent
@@ -113,10 +114,10 @@ def _best_merge(
     range_gain: RangeGain,
 ) -> _Merge | None:
     """The relative pose of two blocks with the highest gain in evidence; None where no hypothesis joins them."""
-    candidates = _candidates(a, b, hypotheses)
+    candidates = merge_candidates(a, b, hypotheses)
     if not len(candidates):
         return None
-    candidates = _align(a, b, candidates, scans)
+    candidates = align_blocks(a, b, candidates, scans)
     gains = merge_gains(a, b, candidates, scans, settings)
     # What the walls deny, no range can save: ranges choose among what the walls allow.
     allowed = gains >= settings.min_margin_m
@@ -126,18 +127,23 @@ def _best_merge(
     ranges = settings.range_weight_m * range_gain(a.poses, b.poses, candidates)
     gains = gains[allowed] + ranges
     best = int(np.argmax(gains))
-    away = np.hypot(*(candidates[:, :2] - candidates[best, :2]).T)
-    turned = np.abs(
-        np.remainder(candidates[:, 2] - candidates[best, 2] + np.pi, 2.0 * np.pi) - np.pi
-    )
-    rivals = gains[(away > _DISTINCT_M) | (turned > _DISTINCT_RAD)]
+    rivals = gains[distant(candidates, candidates[best], _DISTINCT_M, _DISTINCT_RAD)]
     # To leave them apart is a rival too, with a gain of nothing.
     margin = float(gains[best] - max(rivals.max(initial=0.0), 0.0))
     walls = margin - float(ranges[best])
     return _Merge(candidates[best], margin, min(walls, _ENOUGH_M) + float(ranges[best]))
 
 
-def _candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArray:
+def distant(
+    poses: FloatArray, pose: FloatArray, metres: float, radians: float
+) -> NDArray[np.bool_]:
+    """(K,) which of the poses (K, 3) are another place than `pose` (3,), not the same one less refined."""
+    away = np.hypot(*(poses[:, :2] - pose[:2]).T)
+    turned = np.abs(np.remainder(poses[:, 2] - pose[2] + np.pi, 2.0 * np.pi) - np.pi)
+    return np.asarray((away > metres) | (turned > radians))
+
+
+def merge_candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArray:
     """(K, 3) distinct a_T_b by the hypotheses between their stations, those with most support first."""
     poses, scores = [], []
     for match in hypotheses:
@@ -175,7 +181,7 @@ def _candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArr
     return stack[chosen]
 
 
-def _align(
+def align_blocks(
     a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> FloatArray:
     """Let the walls of both blocks settle on each other: point-to-line steps over all their scans at once."""

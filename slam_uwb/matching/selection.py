@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from ..model.geometry import Pose2
 from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
+from .ambiguity import Rival, ambiguous_stations
 from .hypotheses import rematch_pairs
 from .index import ScanIndex
 from .pairs import Pair
@@ -33,6 +34,9 @@ class Selection:
     """At most one a pair, between stations of the placement."""
     matches: tuple[ScanMatch, ...]
     """All hypotheses with rank and reason, the used ones among them."""
+    ambiguous: Mapping[StationId, tuple[tuple[Pose2, float], ...]] = field(default_factory=dict)
+    """Stations left out since they fit at more than one place: each place in the frame of the
+    placement, with its share of belief."""
 
 
 def select_matches(
@@ -57,14 +61,41 @@ def select_matches(
         used = tuple(match for match in used if match.source in placement)
         return Selection(placement, used, _with_reasons(hypotheses, used, placement))
     blocks = place_stations(scans, hypotheses, settings, range_gain=range_gain, progress=progress)
-    placement = dict(blocks[0].poses) if blocks else {}
+    if not blocks:
+        return Selection({}, (), _with_reasons(hypotheses, (), {}))
+    rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain)
+    placement = {s: pose for s, pose in blocks[0].poses.items() if s not in rivals}
     used = rematch_pairs(scans, placement, pairs, settings)
     for last in (False, True):
         placement = adjust(placement, used)
         used = rematch_pairs(scans, placement, pairs, settings, until_still=last)
     placement = _largest_group(placement, used)
     used = tuple(match for match in used if match.target in placement and match.source in placement)
-    return Selection(placement, used, _with_reasons(hypotheses, used, placement))
+    return Selection(
+        placement,
+        used,
+        _with_reasons(hypotheses, used, placement),
+        _places(rivals, blocks[0].poses, placement),
+    )
+
+
+def _places(
+    rivals: Mapping[StationId, Rival],
+    block_T_station: Mapping[StationId, Pose2],
+    placement: Mapping[StationId, Pose2],
+) -> dict[StationId, tuple[tuple[Pose2, float], ...]]:
+    """Both places of every ambiguous station in the frame of the placement (of the block, if there is none)."""
+    first = next(iter(placement), None)
+    world_T_block = (
+        Pose2.identity() if first is None else placement[first] @ block_T_station[first].inverse()
+    )
+    return {
+        station: (
+            (world_T_block @ block_T_station[station], rival.own / (rival.own + rival.evidence)),
+            (world_T_block @ rival.pose, rival.evidence / (rival.own + rival.evidence)),
+        )
+        for station, rival in rivals.items()
+    }
 
 
 def spanning_placement(

@@ -50,6 +50,10 @@ class SettingsError(SlamUwbError):
         super().__init__(f"settings: {key}: {problem}")
 
 
+class MissingLibraryError(SlamUwbError):
+    """The settings ask for an optional library that is not installed; says how to install it."""
+
+
 class DisconnectedSurveyError(SlamUwbError):
     """No two stations hold together and no site frame exists."""
 

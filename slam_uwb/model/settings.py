@@ -71,8 +71,10 @@ class MatchingSettings(_Section):
         "correlative",
         description="how initial matches are found; `landmark` is the paper's Algorithm 3",
     )
-    refiner: Literal["point_to_line", "paper_lm"] = Field(
-        "point_to_line", description="how they are refined; `paper_lm` is the paper's Algorithm 4"
+    refiner: Literal["point_to_line", "paper_lm", "open3d", "kiss_icp"] = Field(
+        "point_to_line",
+        description="how they are refined; `paper_lm` is the paper's Algorithm 4; `open3d` and "
+        "`kiss_icp` are other people's, to compare with, and need the extras of those names",
     )
     ranking: Literal["evidence", "closest_points"] = Field(
         "evidence",

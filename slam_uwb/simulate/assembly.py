@@ -10,7 +10,7 @@ import numpy as np
 from ..model.geometry import FloatArray, Points
 from .furniture import Piece, against, draw_size, keep_clear, standing
 from .placing import anchor_on_tripod, anchor_on_wall
-from .plan import Plan, Room
+from .plan import Plan, Space
 from .scene import Scene
 
 Furnishing: TypeAlias = tuple[str, str, float] | tuple[str, tuple[float, float]]
@@ -21,7 +21,7 @@ Mounting: TypeAlias = tuple[int, str, float] | tuple[int, tuple[float, float]]
 
 def draw_furniture(
     rng: np.random.Generator,
-    rooms: Sequence[Room],
+    rooms: Sequence[Space],
     furnishings: Sequence[Furnishing],
     jitter: float = 0.06,
 ) -> list[list[Piece]]:
@@ -76,7 +76,7 @@ def _place_anchor(
 
 
 def _furnish(
-    room: Room,
+    room: Space,
     furnishing: Furnishing,
     size: tuple[float, float, float],
     dx: float,

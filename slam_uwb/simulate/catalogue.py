@@ -7,8 +7,10 @@ import re
 import numpy as np
 
 from ..model.errors import SlamUwbError
+from .oblique import oblique
 from .placing import NoPlaceError
 from .random_floor import MAX_ROOMS, random_floor
+from .rotunda import rotunda
 from .scene import Scene, SceneBuilder
 from .scenes import corridor, flat, paper_office, twin_rooms
 
@@ -49,5 +51,7 @@ SCENES: dict[str, SceneBuilder] = {
     "flat": _patient(flat),
     "corridor": _patient(corridor),
     "twin-rooms": _patient(twin_rooms),
+    "oblique": _patient(oblique),
+    "rotunda": _patient(rotunda),
 }
 """Builders of the named sites; `random-floor-N` is a family and comes by `build_scene` alone."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.geometry import FloatArray, Points, rotation_matrix
-from .plan import Plan, Room
+from .plan import Plan, Space
 from .segments import clear_paths, crossing_fractions
 
 KINDS: dict[str, tuple[float, float, float]] = {
@@ -69,26 +69,20 @@ def draw_size(rng: np.random.Generator, kind: str) -> tuple[float, float, float]
     return float(min(width, 2.0)), float(min(depth, 2.0)), float(min(height, 2.0))
 
 
-def against(room: Room, side: str, share: float, size: tuple[float, float, float]) -> Piece:
-    """A piece with its back to the wall `n`, `e`, `s` or `w`, `share` (0-1) of the way along it."""
+def against(room: Space, side: str, share: float, size: tuple[float, float, float]) -> Piece:
+    """A piece with its back to a side of the room, `share` (0-1) of the way along it."""
     width, depth, height = size
-    away = depth / 2 + 0.03
-    if side in "ns":
-        x = room.x0 + width / 2 + 0.03 + share * (room.x1 - room.x0 - width - 0.06)
-        return Piece(
-            x, room.y1 - away if side == "n" else room.y0 + away, 0.0, width, depth, height
-        )
-    y = room.y0 + width / 2 + 0.03 + share * (room.y1 - room.y0 - width - 0.06)
-    return Piece(
-        room.x1 - away if side == "e" else room.x0 + away, y, np.pi / 2, width, depth, height
-    )
+    face = room.face(side)
+    along = width / 2 + 0.03 + share * (face.length - width - 0.06)
+    x, y = (float(v) for v in face.at(along, depth / 2 + 0.03))
+    return Piece(x, y, float(np.arctan2(face.along[1], face.along[0])), width, depth, height)
 
 
 def standing(
-    room: Room, across: float, up: float, yaw: float, size: tuple[float, float, float]
+    room: Space, across: float, up: float, turn: float, size: tuple[float, float, float]
 ) -> Piece:
-    """A piece away from the walls, its middle at shares (0-1) of the room."""
-    return Piece(*room.at(across, up), yaw, *size)
+    """A piece away from the walls, its middle at shares (0-1) of the room, `turn` rad from its direction."""
+    return Piece(*room.at(across, up), room.yaw + turn, *size)
 
 
 def keep_clear(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..model.geometry import FloatArray, Points, Vector2
-from .plan import DOOR, Plan, Room
+from .plan import DOOR, Plan, Space
 from .segments import BoolArray, clear_paths, distances_to_segments, segments_near
 
 CLEARANCE = 0.45
@@ -63,7 +63,7 @@ def first_place(
 
 
 def anchor_on_wall(
-    rng: np.random.Generator, plan: Plan, room: Room, side: str, share: float, jitter: float = 0.3
+    rng: np.random.Generator, plan: Plan, room: Space, side: str, share: float, jitter: float = 0.3
 ) -> FloatArray:
     """(3,) m, an anchor fixed to a wall of the room, under the ceiling; not over a door nor inside a column.
 
@@ -71,23 +71,14 @@ def anchor_on_wall(
         rng: for the place along the wall and the height.
         plan: doors and columns.
         room: whose wall.
-        side: `n`, `e`, `s` or `w`.
-        share: 0-1 of the way along the wall, upwards or rightwards in the plan.
+        side: of the room.
+        share: 0-1 of the way along the wall.
         jitter: m along the wall.
     """
-    low, high = (room.x0, room.x1) if side in "ns" else (room.y0, room.y1)
-    along = (
-        low
-        + share * (high - low)
-        + rng.uniform(-jitter, jitter, _TRIES) * np.linspace(1.0, 3.0, _TRIES)
-    )
-    along = np.clip(along, low + 0.1, high - 0.1)
-    fixed = {"n": room.y1 - 0.06, "s": room.y0 + 0.06, "e": room.x1 - 0.06, "w": room.x0 + 0.06}[
-        side
-    ]
-    other = np.full(_TRIES, fixed)
-    places = np.stack([along, other] if side in "ns" else [other, along], axis=-1)
-    good = _in_view(np.array(room.at(0.5, 0.5)), places, plan)
+    face = room.face(side)
+    aside = rng.uniform(-jitter, jitter, _TRIES) * np.linspace(1.0, 3.0, _TRIES)
+    places = face.at(np.clip(share * face.length + aside, 0.1, face.length - 0.1), 0.06)
+    good = _in_view(room.middle, places, plan)
     good &= _far_from(places, plan.doors, DOOR / 2 + 0.2)
     return _with_height(places, good, rng.uniform(2.1, 2.6))
 
@@ -95,7 +86,7 @@ def anchor_on_wall(
 def anchor_on_tripod(
     rng: np.random.Generator,
     plan: Plan,
-    room: Room,
+    room: Space,
     across: float,
     up: float,
     stations: Points,
@@ -104,7 +95,7 @@ def anchor_on_tripod(
     """(3,) m, an anchor on a stand of its own near the shares `across` and `up` of the room."""
     reach = jitter * np.linspace(1.0, 4.0, _TRIES)[:, None]
     places = np.array(room.at(across, up)) + reach * rng.uniform(-1.0, 1.0, (_TRIES, 2))
-    good = _in_view(np.array(room.at(0.5, 0.5)), places, plan)
+    good = _in_view(room.middle, places, plan)
     good &= _clear_of_walls(places, plan, 0.4)
     good &= _far_from(places, plan.doors, DOOR) & _far_from(places, stations, 0.6)
     return _with_height(places, good, rng.uniform(1.9, 2.2))

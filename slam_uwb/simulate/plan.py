@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
-from ..model.geometry import FloatArray, Points
+from ..model.geometry import FloatArray, Points, Vector2
 
 OUTER = 0.30
 """m, thickness of an outer wall."""
@@ -16,6 +17,8 @@ INNER = 0.12
 """m, thickness of a wall between rooms: plasterboard on studs or half a brick."""
 DOOR = 0.95
 """m, clear width of a door."""
+_SIDES = {"n": (0.0, -1.0), "e": (-1.0, 0.0), "s": (0.0, 1.0), "w": (1.0, 0.0)}
+"""Into the room, from each side of a rectangle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +41,49 @@ class Wall:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Face:
+    """One side of a room, as furniture and anchors are put to it."""
+
+    start: Vector2
+    """m, one end."""
+    along: Vector2
+    """Unit vector towards the other end."""
+    inward: Vector2
+    """Unit vector into the room."""
+    length: float
+    """m."""
+
+    def at(self, distances: FloatArray | float, away: float) -> Points:
+        """(..., 2) m, points `distances` m along the face and `away` m in front of it."""
+        points: Points = (
+            self.start + np.asarray(distances)[..., None] * self.along + away * self.inward
+        )
+        return points
+
+
+class Space(Protocol):
+    """A room of any shape; shares (0-1) and sides are as the room itself names them."""
+
+    @property
+    def polygon(self) -> Points:
+        """(V, 2) m, counter-clockwise, between wall faces."""
+
+    @property
+    def yaw(self) -> float:
+        """rad, how furniture stands in it."""
+
+    @property
+    def middle(self) -> Vector2:
+        """(2,) m, sees every wall but what stands in the room."""
+
+    def at(self, across: float, up: float) -> tuple[float, float]:
+        """The point at shares (0-1) of width and depth, m."""
+
+    def face(self, side: str) -> Face:
+        """The side of that name; ValueError where there is none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Room:
     """A rectangle between wall faces."""
 
@@ -52,6 +98,28 @@ class Room:
         return np.array(
             [[self.x0, self.y0], [self.x1, self.y0], [self.x1, self.y1], [self.x0, self.y1]]
         )
+
+    @property
+    def yaw(self) -> float:
+        """rad, along x."""
+        return 0.0
+
+    @property
+    def middle(self) -> Vector2:
+        """(2,) m."""
+        return np.array(self.at(0.5, 0.5))
+
+    def face(self, side: str) -> Face:
+        """The side `n`, `e`, `s` or `w`, rightwards or upwards in the plan."""
+        if side not in _SIDES:
+            raise ValueError(f"a rectangle has no side {side!r}")
+        inward = np.array(_SIDES[side])
+        start = [
+            self.x1 if side == "e" else self.x0,
+            self.y1 if side == "n" else self.y0,
+        ]
+        length = self.x1 - self.x0 if side in "ns" else self.y1 - self.y0
+        return Face(np.array(start), np.abs(inward[::-1]), inward, length)
 
     def at(self, across: float, up: float) -> tuple[float, float]:
         """The point at shares (0-1) of width and depth, m."""
@@ -70,7 +138,7 @@ class Plan:
     """(L, 2, 2) m, both faces over each door."""
     doors: Points
     """(D, 2) m, their middles."""
-    rooms: tuple[Room, ...]
+    rooms: tuple[Space, ...]
 
 
 def build_plan(walls: Sequence[Wall], rooms: Sequence[Room], columns: Sequence[Room] = ()) -> Plan:

@@ -22,8 +22,7 @@ _OFFICE: tuple[Furnishing, ...] = (
 
 def paper_office(rng: np.random.Generator) -> Scene:
     """Three offices in a row on a corridor, 15 x 8 m, 18 stations, 7 anchors (paper, section IV and Fig. 5a)."""
-    plan, doors = _office_plan(rng)
-    aisle, *offices = plan.rooms
+    plan, (aisle, *offices), doors = _office_plan(rng)
     depth, inside, middle = offices[0].y1, aisle.y1 + 1.1, (aisle.y0 + aisle.y1) / 2
     wanted = [
         (1.5, depth - 1.5), (3.6, depth - 2.4), (1.9, inside + 1.3), (doors[0], inside),
@@ -50,8 +49,8 @@ def paper_office(rng: np.random.Generator) -> Scene:
 
 def flat(rng: np.random.Generator) -> Scene:
     """Living room, kitchen, bedroom and study on a hall, 9 x 8 m, much furniture, 10 stations, 5 anchors."""
-    plan, (living, kitchen, bed, study) = _flat_plan(rng)
-    low, high = plan.rooms[0].y0, plan.rooms[0].y1
+    plan, hall, (living, kitchen, bed, study) = _flat_plan(rng)
+    low, high = hall.y0, hall.y1
     aisle = (low + high) / 2
     wanted = [
         (1.5, 1.8), (living, 2.3), (living, aisle), (bed - 0.3, high + 1.1), (1.4, high + 1.8),
@@ -150,8 +149,8 @@ def twin_rooms(rng: np.random.Generator) -> Scene:
     return assemble(rng, "twin-rooms", plan, stations, sequence, mountings, furniture)
 
 
-def _office_plan(rng: np.random.Generator) -> tuple[Plan, FloatArray]:
-    """Corridor first, then the offices from left to right; and the x of their doors."""
+def _office_plan(rng: np.random.Generator) -> tuple[Plan, list[Room], FloatArray]:
+    """The plan, its corridor and offices from left to right, and the x of their doors."""
     length, depth = 15.0 + rng.uniform(-0.3, 0.3), 8.0 + rng.uniform(-0.2, 0.2)
     hall, first, second = np.array([2.1, 5.2, 9.8]) + rng.uniform(-1, 1, 3) * [0.08, 0.2, 0.2]
     doors = np.array([3.4, 7.6, 11.6]) + rng.uniform(-0.2, 0.2, 3)
@@ -171,11 +170,11 @@ def _office_plan(rng: np.random.Generator) -> tuple[Plan, FloatArray]:
         Room(second + half, hall + half, length - edge, top),
     ]
     columns = [Room(x - 0.2, top - 0.3, x + 0.2, top) for x in (2.6, 7.4, 12.4)]
-    return build_plan(walls, rooms, columns), doors
+    return build_plan(walls, rooms, columns), rooms, doors
 
 
-def _flat_plan(rng: np.random.Generator) -> tuple[Plan, FloatArray]:
-    """Hall, living room, kitchen, bedroom, study; and the x of the doors of the last four."""
+def _flat_plan(rng: np.random.Generator) -> tuple[Plan, Room, FloatArray]:
+    """The plan of hall, living room, kitchen, bedroom, study; the hall; the x of the other four's doors."""
     length, depth = 9.0 + rng.uniform(-0.2, 0.2), 8.0 + rng.uniform(-0.2, 0.2)
     low, high, left, right = np.array([3.6, 5.1, 5.4, 4.7]) + rng.uniform(-0.15, 0.15, 4)
     doors = np.array([3.1, 6.8, 2.9, 6.4]) + rng.uniform(-0.2, 0.2, 4)
@@ -196,7 +195,7 @@ def _flat_plan(rng: np.random.Generator) -> tuple[Plan, FloatArray]:
         Room(right + half, high + half, end, top),
     ]
     flue = Room(edge, edge, edge + 0.5, edge + 0.35)
-    return build_plan(walls, rooms, [flue]), doors
+    return build_plan(walls, rooms, [flue]), rooms[0], doors
 
 
 def _shell(end: float, depth: float, start: float = 0.0) -> list[Wall]:

@@ -13,8 +13,9 @@ def interrupt(program):
 
 
 def listen():
-    """Hear SIGINT even where the suite itself runs in the background and ignores it."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Hear signals even where the suite itself runs in the background and ignores them."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def run_and_interrupt(program, arguments, stage, number):

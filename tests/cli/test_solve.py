@@ -183,3 +183,28 @@ def test_what_cannot_be_solved_ends_with_3_and_says_why(run, pristine_survey, tm
     assert len(reasons) == 1
     assert "cannot be solved" in reasons[0]
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("fault", "remedy"),
+    [
+        ('ModuleNotFoundError("No module named \'open3d\'")', "pip install 'slam-uwb[open3d]'"),
+        ('ImportError("libusb-1.0.so.0: cannot open shared object file")', "apt install libusb-1.0-0"),
+        ('OSError("libGL.so.1: cannot open shared object file")', "apt install libgl1"),
+    ],
+)  # fmt: skip
+def test_a_refiner_that_is_not_installed_ends_with_2_and_says_what_to_install(
+    run, pristine_survey, tmp_path, monkeypatch, fault, remedy
+):
+    broken = tmp_path / "modules" / "open3d"
+    broken.mkdir(parents=True)
+    (broken / "__init__.py").write_text(f"raise {fault}\n")
+    monkeypatch.setenv("PYTHONPATH", str(broken.parent))
+    file, out = tmp_path / "settings.toml", tmp_path / "out"
+    file.write_text('[matching]\nrefiner = "open3d"\n')
+    done = run("solve", pristine_survey, "--out", out, "--settings", file)
+    assert done.returncode == 2, done.stderr
+    assert "'open3d'" in done.stderr
+    assert remedy in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not out.exists()

@@ -15,7 +15,6 @@ from slam_uwb.simulate.segments import cast_rays
 
 WITHIN_M, WITHIN_RAD = 0.05, math.radians(1.0)
 SETTINGS = MatchingSettings()
-COMBINATIONS = list(product(INITIALISERS, REFINERS))
 # An L-shaped room, seen from two places: nowhere else do the scans fit.
 CORNERS = np.array([(0, 0), (6, 0), (6, 3), (4, 3), (4, 4.5), (0, 4.5)], dtype=float)
 WALLS = np.stack([CORNERS, np.roll(CORNERS, -1, axis=0)], axis=1)
@@ -62,6 +61,12 @@ def odd_scans():
     )
 
 
+@pytest.fixture(params=REFINERS)
+def refiner(request, need_refiner):
+    """Every refiner by name; those of libraries that are absent are skipped by name."""
+    return need_refiner(request.param)
+
+
 @pytest.mark.parametrize("name", INITIALISERS)
 def test_initialisers_bring_the_truth_within_reach_of_the_refiners(room, name):
     starts = INITIALISERS[name](room["a"], room["b"], SETTINGS)
@@ -72,24 +77,22 @@ def test_initialisers_bring_the_truth_within_reach_of_the_refiners(room, name):
     assert any(p.distance_to(TRUTH) < 0.3 and p.angle_to(TRUTH) < 0.09 for p in poses)
 
 
-@pytest.mark.parametrize("name", REFINERS)
 @pytest.mark.parametrize("step", [(0.1, 0.1, 0.08), (-0.15, 0.05, -0.08), (0.0, -0.15, 0.05)])
-def test_refiners_reach_the_truth(room, name, step):
+def test_refiners_reach_the_truth(room, refiner, step):
     start = (TRUTH @ Pose2(*step)).vector[None]
-    poses, converged = REFINERS[name](room["a"], room["b"], start, SETTINGS)
+    poses, converged = REFINERS[refiner](room["a"], room["b"], start, SETTINGS)
     assert poses.shape == (1, 3)
     assert converged.tolist() == [True]
     assert is_true(Pose2.from_vector(poses[0]))
 
 
-@pytest.mark.parametrize("name", REFINERS)
-def test_refiners_leave_their_starts_alone(room, name):
+def test_refiners_leave_their_starts_alone(room, refiner):
     start = TRUTH.vector[None]
     start.setflags(write=False)
-    REFINERS[name](room["a"], room["b"], start, SETTINGS)
+    REFINERS[refiner](room["a"], room["b"], start, SETTINGS)
 
 
-@pytest.mark.parametrize(("initialiser", "refiner"), COMBINATIONS)
+@pytest.mark.parametrize("initialiser", INITIALISERS)
 @pytest.mark.parametrize("ranking", ["evidence", "closest_points"])
 def test_any_combination_matches_a_pair(room, initialiser, refiner, ranking):
     settings = SETTINGS.model_copy(
@@ -110,7 +113,7 @@ def test_initialisers_repeat_themselves(room, name, kind):
     np.testing.assert_array_equal(INITIALISERS[name](room["a"], room["b"], SETTINGS), once)
 
 
-@pytest.mark.parametrize(("initialiser", "refiner"), COMBINATIONS)
+@pytest.mark.parametrize("initialiser", INITIALISERS)
 @pytest.mark.parametrize("ranking", ["evidence", "closest_points"])
 def test_odd_scans_raise_nothing_and_give_numbers(odd_scans, initialiser, refiner, ranking):
     settings = SETTINGS.model_copy(
@@ -125,8 +128,16 @@ def test_odd_scans_raise_nothing_and_give_numbers(odd_scans, initialiser, refine
             assert np.linalg.eigvalsh(match.covariance).min() > 0.0
 
 
-@pytest.mark.parametrize("name", REFINERS)
-def test_scans_without_overlap_are_no_reason_to_move(odd_scans, name):
+def test_scans_without_overlap_are_no_reason_to_move(odd_scans, refiner):
     away = np.array([[70.0, 0.0, 1.0]])
-    poses, _ = REFINERS[name](odd_scans["room"], odd_scans["elsewhere"], away, SETTINGS)
+    poses, _ = REFINERS[refiner](odd_scans["room"], odd_scans["elsewhere"], away, SETTINGS)
     np.testing.assert_allclose(poses, away)
+
+
+def test_refiners_repeat_themselves(room, refiner):
+    starts = np.stack([(TRUTH @ Pose2(0.1, y, 0.05)).vector for y in np.linspace(-0.1, 0.1, 5)])
+    once = REFINERS[refiner](room["a"], room["b"], starts, SETTINGS)
+    for _ in range(10):
+        again = REFINERS[refiner](room["a"], room["b"], starts, SETTINGS)
+        np.testing.assert_array_equal(again[0], once[0])
+        np.testing.assert_array_equal(again[1], once[1])

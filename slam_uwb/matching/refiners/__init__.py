@@ -1,6 +1,8 @@
 """Refiners: from initial matches to matches, one signature.
 
 ``(target, source, initial (K, 3), settings) -> (poses target_T_source (K, 3), converged (K,))``
+
+`open3d` and `kiss_icp` need the extras of those names.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ from numpy.typing import NDArray
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
 from ..index import ScanIndex
+from .kiss_icp import refine_kiss_icp
+from .open3d import refine_open3d
 from .paper_lm import refine_paper_lm
 from .point_to_line import refine_point_to_line
 
@@ -21,6 +25,8 @@ Refiner = Callable[
 ]
 
 REFINERS: dict[str, Refiner] = {
+    "kiss_icp": refine_kiss_icp,
+    "open3d": refine_open3d,
     "paper_lm": refine_paper_lm,
     "point_to_line": refine_point_to_line,
 }

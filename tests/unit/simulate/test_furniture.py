@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from slam_uwb.model.geometry import rotation_matrix
 from slam_uwb.simulate.furniture import Piece, against, keep_clear, standing
 from slam_uwb.simulate.plan import Room, Wall, build_plan
+from slam_uwb.simulate.polygon_plan import build_polygon_plan
 
 ROOM = Room(0.1, -3.0, 4.0, 3.0)
 PLAN = build_plan([Wall((0, -3), (0, 3), 0.2, ((0.0, 1.0),))], [ROOM])
@@ -22,6 +24,21 @@ def test_a_piece_has_its_back_to_the_wall():
     np.testing.assert_allclose(north.corners.max(axis=0), [1.13, 2.97])
     np.testing.assert_allclose(east.corners.min(axis=0), [3.47, 1.97])
     np.testing.assert_allclose(east.corners.max(axis=0), [3.97, 2.97])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6, 2.5, -1.9])
+def test_a_piece_stands_along_a_wall_of_any_direction(angle):
+    turn = rotation_matrix(angle)
+    corners = {"a": (0, 0), "b": (4, 0), "c": (4, 3), "d": (0, 3)}
+    plan = build_polygon_plan({k: turn @ v for k, v in corners.items()}, ["a-b-c-d"], {}, 0.2)
+    piece = against(plan.rooms[0], "b-c", 1.0, CUPBOARD)
+    # Inner faces at x = 3.9 and y = 2.9; 3 cm off both, 0.5 m deep and 1.0 m wide.
+    local = piece.corners @ turn
+    np.testing.assert_allclose(local.min(axis=0), [3.37, 1.87])
+    np.testing.assert_allclose(local.max(axis=0), [3.87, 2.87])
+    assert keep_clear([[piece]], plan, NOWHERE, NOWHERE, NO_SIGHTS) == [piece]
+    free = standing(plan.rooms[0], 0.5, 0.5, 0.0, CUPBOARD)
+    np.testing.assert_allclose((free.corners @ turn).min(axis=0), [1.5, 1.25])
 
 
 def test_distance_to_a_piece_is_from_its_outside():

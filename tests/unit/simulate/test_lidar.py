@@ -34,7 +34,7 @@ def test_exact_ranges_are_those_of_the_closed_form(hall):
     np.testing.assert_allclose(scan.ranges, true_ranges(scan), rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["paper-office", "flat", "random-floor-4"])
+@pytest.mark.parametrize("name", ["paper-office", "flat", "oblique", "rotunda", "random-floor-4"])
 def test_exact_samples_lie_on_what_is_at_their_height(name):
     simulation = simulate_survey(name, 5, lidar=Lidar.noise_free(2.0, 2.0))
     scene, reference = simulation.scene, simulation.reference

@@ -19,6 +19,27 @@ def scene(request) -> Scene:
     return build_scene(name, np.random.default_rng(seed))
 
 
+def shared(scene, m, n):
+    """Part of the directions in which station n sees a wall point that station m sees, too."""
+    faces = scene.faces_at(SCAN_HEIGHT)
+    bearings = np.deg2rad(np.arange(0.0, 360.0, 2.0))
+    rays = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    seen = scene.stations[n] + cast_rays(scene.stations[n], bearings, faces)[:, None] * rays
+    offset = seen - scene.stations[m]
+    reach = cast_rays(scene.stations[m], np.arctan2(offset[:, 1], offset[:, 0]), faces)
+    return (reach > np.linalg.norm(offset, axis=1) - 1e-6).mean()
+
+
+def inside(places, polygon):
+    """(N,) True where a ray to the right leaves the polygon an odd number of times."""
+    (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
+    x, y = places[:, :1], places[:, 1:]
+    between = (y0 <= y) != (y1 <= y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        right = x0 + (y - y0) / (y1 - y0) * (x1 - x0) > x
+    return (between & right).sum(axis=1) % 2 == 1
+
+
 def test_scans_to_be_fitted_see_each_other_at_moderate_distance(scene):
     m, n = np.array(scene.sequence).T
     apart = np.linalg.norm(scene.stations[m] - scene.stations[n], axis=1)
@@ -29,16 +50,8 @@ def test_scans_to_be_fitted_see_each_other_at_moderate_distance(scene):
 
 
 def test_scans_to_be_fitted_show_common_walls(scene):
-    # A wall point of scan n is shared where station m sees as far in its direction.
-    faces = scene.faces_at(SCAN_HEIGHT)
-    bearings = np.deg2rad(np.arange(0.0, 360.0, 2.0))
-    rays = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     for m, n in scene.sequence:
-        seen = scene.stations[n] + cast_rays(scene.stations[n], bearings, faces)[:, None] * rays
-        offset = seen - scene.stations[m]
-        reach = cast_rays(scene.stations[m], np.arctan2(offset[:, 1], offset[:, 0]), faces)
-        shared = reach > np.linalg.norm(offset, axis=1) - 1e-6
-        assert shared.mean() > 0.12
+        assert shared(scene, m, n) > 0.12
 
 
 def test_tripods_stand_clear_of_walls_and_furniture(scene):
@@ -47,10 +60,8 @@ def test_tripods_stand_clear_of_walls_and_furniture(scene):
 
 
 def test_stations_and_anchors_are_inside_rooms(scene):
-    corners = np.array([[room.min(axis=0), room.max(axis=0)] for room in scene.rooms])
     for places in (scene.stations, scene.anchors[:, :2]):
-        inside = (places[:, None] > corners[None, :, 0]) & (places[:, None] < corners[None, :, 1])
-        assert inside.all(axis=2).any(axis=1).all()
+        assert np.any([inside(places, room) for room in scene.rooms], axis=0).all()
 
 
 def test_anchors_are_within_a_hands_reach_of_the_ceiling_and_not_in_walls(scene):
@@ -83,6 +94,8 @@ def test_furniture_leaves_the_walls_alone(scene):
         ("flat", 10, 5, (9, 8)),
         ("corridor", 14, 8, (25, 6.6)),
         ("twin-rooms", 8, 5, (9.2, 4.4)),
+        ("oblique", 12, 6, (11.5, 12.5)),
+        ("rotunda", 11, 5, (16, 17)),
     ],
 )
 def test_named_sites_have_their_character(name, stations, anchors, size):
@@ -90,6 +103,61 @@ def test_named_sites_have_their_character(name, stations, anchors, size):
         scene = build_scene(name, np.random.default_rng(seed))
         assert (scene.name, len(scene.stations), len(scene.anchors)) == (name, stations, anchors)
         np.testing.assert_allclose(np.ptp(scene.walls.reshape(-1, 2), axis=0), size, atol=1.0)
+
+
+@pytest.mark.parametrize("name", ["oblique", "rotunda"])
+def test_oblique_scenes_overlap_like_the_office(name):
+    for seed in range(10):
+        scene = build_scene(name, np.random.default_rng(seed))
+        overlaps = [(shared(scene, m, n) + shared(scene, n, m)) / 2 for m, n in scene.sequence]
+        assert np.median(overlaps) > 0.5
+        assert np.min(overlaps) > 0.3
+
+
+def wall_directions(scene):
+    """Share of the rooms' walls by length in each band of 5 degrees, right angles folded together."""
+    sides = [np.roll(room, -1, axis=0) - room for room in scene.rooms]
+    x, y = np.concatenate(sides).T
+    bands = np.mod(np.rad2deg(np.arctan2(y, x)) + 2.5, 90.0) // 5
+    lengths = np.hypot(x, y)
+    return np.bincount(bands.astype(int), lengths, minlength=18) / lengths.sum()
+
+
+@pytest.mark.parametrize("name", ["oblique", "rotunda"])
+def test_oblique_scenes_have_no_one_direction(name):
+    for seed in range(5):
+        scene = build_scene(name, np.random.default_rng(seed))
+        shares = wall_directions(scene)
+        assert shares.max() < 0.5
+        assert (shares > 0.02).sum() >= 5
+    assert wall_directions(build_scene("flat", np.random.default_rng(0))).max() == pytest.approx(1)
+
+
+def test_the_rotunda_is_round_but_no_turn_of_it_is_itself():
+    for seed in range(5):
+        scene = build_scene("rotunda", np.random.default_rng(seed))
+        bearings = np.deg2rad(np.arange(0.0, 360.0, 2.0))
+        ranges = cast_rays(np.zeros(2), bearings, scene.faces_at(SCAN_HEIGHT))
+        hall = np.abs(ranges - np.median(ranges)) < 0.1
+        assert 4.0 < np.median(ranges) < 5.0
+        assert hall.mean() > 0.5
+        turns = [np.abs(np.roll(ranges, k) - ranges) for k in range(5, len(ranges) - 5)]
+        assert min((differs > 0.3).mean() for differs in turns) > 0.15
+
+
+def test_oblique_furniture_follows_its_wall():
+    scene = build_scene("oblique", np.random.default_rng(0))
+    sides = [np.roll(room, -1, axis=0) - room for room in scene.rooms]
+    walls = np.mod(
+        np.concatenate([np.arctan2(side[:, 1], side[:, 0]) for side in sides]), np.pi / 2
+    )
+    along = scene.furniture[::4, 1] - scene.furniture[::4, 0]
+    yaws = np.mod(np.arctan2(along[:, 1], along[:, 0]), np.pi / 2)
+    off = np.abs(np.remainder(yaws[:, None] - walls + np.pi / 4, np.pi / 2) - np.pi / 4).min(axis=1)
+    # Free-standing pieces are put down askew by some degrees.
+    assert (off < 1e-6).mean() > 0.8
+    assert off.max() < 0.25
+    assert len(np.unique(np.round(yaws, 3))) >= 5
 
 
 @pytest.mark.parametrize("name", NAMES)

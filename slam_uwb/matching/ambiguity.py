@@ -1,0 +1,118 @@
+"""Stations that would fit elsewhere in the finished map as well.
+
+In a building of equal rooms a wrong place can have as much evidence as the right one. So every
+station is taken out of the finished block once, and put back wherever its hypotheses allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.geometry import Pose2
+from ..model.products import ScanMatch
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .evidence import STRIDE, Block, Seen, merge_gains, single_block
+from .index import ScanIndex
+from .placement import RangeGain, align_blocks, distant, merge_candidates
+from .score import point_evidence
+
+_ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known
+_NEARLY_AS_GOOD = 0.6  # share of its own evidence that a station's next best place may have
+_FITS_M = 4.5  # metres of wall, none denied: a place where a station could as well stand
+_ALIASED = 0.75  # share of the stations that fit elsewhere from which on no place can be trusted
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """The best other place of a station in its block."""
+
+    pose: Pose2
+    """block_T_station."""
+    evidence: float
+    """m, less what the ranges prefer the station's own place by."""
+    own: float
+    """m, the evidence of the place where the station stands."""
+
+
+def ambiguous_stations(
+    block: Block,
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    settings: MatchingSettings,
+    range_gain: RangeGain,
+) -> dict[StationId, Rival]:
+    """Stations whose place in the block is not the only one, each with its best other place.
+
+    A station is ambiguous where another place has nearly as much evidence as its own. Where nearly
+    all stations fit elsewhere, the building repeats itself, and all that do are ambiguous.
+    """
+    if len(block.poses) < 2:
+        return {}
+    rivals = _rivals(block, scans, hypotheses, settings, range_gain)
+    close = {s: r for s, r in rivals.items() if r.evidence >= _NEARLY_AS_GOOD * r.own}
+    elsewhere = {s: r for s, r in rivals.items() if r.evidence >= _FITS_M}
+    return elsewhere if len(elsewhere) >= _ALIASED * len(block.poses) else close
+
+
+def _rivals(
+    block: Block,
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    settings: MatchingSettings,
+    range_gain: RangeGain,
+) -> dict[StationId, Rival]:
+    seen = _seen_by_each(block, scans, settings)
+    found = {}
+    for station, pose in block.poses.items():
+        rest, alone = _without(block, station, seen), single_block(station, scans[station])
+        others = merge_candidates(rest, alone, hypotheses)
+        places = np.concatenate([pose.vector[None, :], align_blocks(rest, alone, others, scans)])
+        gains = merge_gains(rest, alone, places, scans, settings)
+        allowed = gains >= settings.min_margin_m
+        allowed[0] = True
+        places, gains = places[allowed], gains[allowed]
+        # Ranges speak against a place, not for it: coarse as they are, they favour many.
+        ranges = range_gain(rest.poses, alone.poses, places)
+        gains = gains + settings.range_weight_m * np.minimum(ranges - ranges[0], 0.0)
+        elsewhere = np.flatnonzero(distant(places, places[0], _ELSEWHERE_M, _ELSEWHERE_RAD))
+        if len(elsewhere):
+            best = elsewhere[np.argmax(gains[elsewhere])]
+            found[station] = Rival(
+                Pose2.from_vector(places[best]), float(gains[best]), float(gains[0])
+            )
+    return found
+
+
+def _seen_by_each(
+    block: Block, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+) -> dict[StationId, dict[StationId, Seen]]:
+    """What each station of the block (inner key) says of the points of each other (outer key)."""
+    seen: dict[StationId, dict[StationId, Seen]] = {station: {} for station in block.poses}
+    for j, block_T_j in block.poses.items():
+        for i, block_T_i in block.poses.items():
+            if i != j:
+                i_T_j = (block_T_i.inverse() @ block_T_j).vector[None, :]
+                said = point_evidence(scans[i], scans[j], i_T_j, settings, STRIDE)
+                seen[j][i] = Seen(said.hit[0], said.hit[0], said.seen_through[0])
+    return seen
+
+
+def _without(
+    block: Block, station: StationId, seen: Mapping[StationId, Mapping[StationId, Seen]]
+) -> Block:
+    """The block as if the station had never been there."""
+    poses = {other: pose for other, pose in block.poses.items() if other != station}
+    merged = {}
+    for j in poses:
+        said = [values for i, values in seen[j].items() if i != station]
+        nothing = np.zeros(len(seen[j][station].hits))
+        merged[j] = Seen(
+            sum((values.hits for values in said), nothing),
+            np.max([nothing, *(values.best for values in said)], axis=0),
+            sum((values.through for values in said), nothing),
+        )
+    return Block(poses, merged)
