@@ -8,10 +8,13 @@ import numpy as np
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
-from .index import ScanIndex, grid_size
+from .index import DIRECTIONS, ScanIndex, Spectra, correlation_grids, grid_size
 
 _BLOCK = 3  # cells; one peak a block, so that a ridge along a wall does not take all places
 _DISTINCT_M = 0.3
+_PEAK_BINS = 4  # degrees around a peak of the wall directions that belong to it
+_PEAK_SHARE = 0.4  # of the highest peak that a further rotation must reach
+_OBLIQUE = 4  # further rotations at most; each costs two transforms
 
 
 def correlative_matches(
@@ -23,14 +26,22 @@ def correlative_matches(
     one scan are correlated with the blurred occupied minus the free cells of the other, and the
     other way round, for all translations at once (FFT; spectra are kept with the scans).
     """
-    from scipy.fft import irfft2
+    from scipy.fft import irfft2, rfft2
 
     size = grid_size(settings)
     a, b = target.spectra, source.spectra
     # Quarter turns 2 and 3 are those of 0 and 1 turned by 180 degrees: the conjugate of a real
     # grid's spectrum.
+    turns = 0.5 * math.pi * np.arange(4)
     occupied = np.concatenate([b.occupied, b.occupied.conj()])
     contrast = np.concatenate([b.contrast, b.contrast.conj()])
+    oblique = _oblique_turns(a, b)
+    if len(oblique):
+        angles = b.wall_angle - oblique
+        grids = rfft2([correlation_grids(source.scan, angle, settings) for angle in angles])
+        turns = np.concatenate([turns, oblique])
+        occupied = np.concatenate([occupied, grids[:, 0]])
+        contrast = np.concatenate([contrast, grids[:, 1]])
     spectrum = a.contrast[0] * occupied.conj() + a.occupied[0] * contrast.conj()
     maps = irfft2(spectrum, s=(size, size))
     turn, row, column, value = _peaks(maps, 4 * settings.initial_matches)
@@ -39,8 +50,26 @@ def correlative_matches(
     keep = _distinct(shift, turn, value, settings.initial_matches)
     c, s = math.cos(a.wall_angle), math.sin(a.wall_angle)
     x, y = shift[keep].T
-    theta = a.wall_angle - b.wall_angle + 0.5 * math.pi * turn[keep]
+    theta = a.wall_angle - b.wall_angle + turns[turn[keep]]
     return np.column_stack([c * x - s * y, s * x + c * y, theta])
+
+
+def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
+    """Further rotations, rad beyond the wall-aligned one, that bring many walls of both scans in line.
+
+    Peaks of the correlated histograms of wall directions. Where all walls stand at right angles
+    these are the quarter turns, and there is nothing further.
+    """
+    agreement = np.fft.irfft(target.directions * source.directions.conj(), DIRECTIONS)
+    around = [np.roll(agreement, k) for k in range(-_PEAK_BINS, _PEAK_BINS + 1) if k]
+    peak = (agreement >= np.max(around, axis=0)) & (agreement > _PEAK_SHARE * agreement.max())
+    rotations = np.flatnonzero(peak) * (2.0 * math.pi / DIRECTIONS)
+    beyond = rotations - (target.wall_angle - source.wall_angle)
+    quarter = 0.5 * math.pi
+    off = np.abs(np.remainder(beyond + 0.5 * quarter, quarter) - 0.5 * quarter)
+    oblique = off > math.radians(_PEAK_BINS)
+    order = np.argsort(-agreement[np.flatnonzero(peak)][oblique], kind="stable")
+    return np.asarray(beyond[oblique][order][:_OBLIQUE])
 
 
 def _peaks(maps: FloatArray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, FloatArray]:

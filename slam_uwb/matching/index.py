@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _TABLE_CELL_M = 0.1
 _TABLE_MARGIN_M = 1.0
 _TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
+DIRECTIONS = 360
+"""Bins of the histogram of wall directions."""
 _MAX_SLOPE_VARIANCE = (
     0.01  # normals less certain than this mislead more than they help (library facts, 7)
 )
@@ -34,6 +36,8 @@ class Spectra:
     """(2, G, G // 2 + 1)."""
     contrast: NDArray[np.complex128]
     """(2, G, G // 2 + 1), blurred occupied cells minus free ones."""
+    directions: NDArray[np.complex128]
+    """(D // 2 + 1,) spectrum of the smoothed histogram of wall directions, all the way round."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,9 +142,32 @@ def grid_size(settings: MatchingSettings) -> int:
 
 def _spectra(scan: PreparedScan, settings: MatchingSettings) -> Spectra:
     from scipy.fft import rfft2
-    from scipy.ndimage import gaussian_filter
 
     angle = wall_angle(scan)
+    grids = correlation_grids(scan, angle, settings)
+    # Turning by 90 degrees maps cell (row, column) to (column, -row); half turns are conjugate
+    # spectra.
+    turned = np.roll(np.flip(grids.transpose(0, 2, 1), axis=2), 1, axis=2)
+    spectra = rfft2(np.stack([grids, turned], axis=1))
+    return Spectra(angle, spectra[0], spectra[1], _direction_spectrum(scan))
+
+
+def _direction_spectrum(scan: PreparedScan) -> NDArray[np.complex128]:
+    certain = scan.normal_variance <= _MAX_SLOPE_VARIANCE
+    normals = scan.normals[certain]
+    bins = np.floor((np.arctan2(normals[:, 1], normals[:, 0]) / (2.0 * math.pi)) * DIRECTIONS)
+    histogram = np.bincount(
+        bins.astype(int) % DIRECTIONS, weights=scan.lengths[certain], minlength=DIRECTIONS
+    )
+    kernel = np.zeros(DIRECTIONS)
+    kernel[np.arange(-2, 3)] = 1.0
+    return np.asarray(np.fft.rfft(histogram) * np.fft.rfft(kernel))
+
+
+def correlation_grids(scan: PreparedScan, angle: float, settings: MatchingSettings) -> FloatArray:
+    """(2, G, G) occupied cells and contrast of a scan whose direction `angle` lies along x."""
+    from scipy.ndimage import gaussian_filter
+
     size = grid_size(settings)
     occupied = np.zeros((size, size))
     near = np.hypot(*scan.points.T) < settings.correlation_radius_m
@@ -151,12 +178,7 @@ def _spectra(scan: PreparedScan, settings: MatchingSettings) -> Spectra:
     contrast = gaussian_filter(occupied, 0.8, mode="wrap") - _free_cells(
         scan, angle, size, settings
     )
-    grids = np.stack([occupied, contrast])
-    # Turning by 90 degrees maps cell (row, column) to (column, -row); half turns are conjugate
-    # spectra.
-    turned = np.roll(np.flip(grids.transpose(0, 2, 1), axis=2), 1, axis=2)
-    spectra = rfft2(np.stack([grids, turned], axis=1))
-    return Spectra(wall_angle=angle, occupied=spectra[0], contrast=spectra[1])
+    return np.stack([occupied, contrast])
 
 
 def _free_cells(

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from slam_uwb.matching.correlative import correlative_matches
+from slam_uwb.matching.correlative import _oblique_turns, correlative_matches
 from slam_uwb.model.geometry import Pose2
 
 NEAR_M, NEAR_RAD = 0.3, math.radians(3.0)
@@ -77,3 +77,21 @@ def test_fewer_starts_are_the_first_of_more(three_room_scans, settings):
     np.testing.assert_array_equal(
         correlative_matches(a, b, few), correlative_matches(a, b, settings)[:6]
     )
+
+
+def test_walls_at_right_angles_ask_for_no_further_rotation(view, room):
+    target, source = view("a", room, Pose2(2.0, 1.5, 0.4)), view("b", room, Pose2(3.0, 2.2, -2.0))
+    assert len(_oblique_turns(target.spectra, source.spectra)) == 0
+
+
+def test_oblique_walls_are_brought_in_line(view, settings):
+    """One scan's main walls are the other's oblique ones: a turn of 35 degrees beyond their alignment."""
+    corners = np.array([(0, 0), (6, 0), (9, 2.1), (7.2, 4.6), (4.5, 2.7), (0, 2.7)], dtype=float)
+    room = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    target_place, source_place = Pose2(1.5, 1.3, 0.3), Pose2(7.2, 2.8, -1.0)
+    target, source = view("a", room, target_place), view("b", room, source_place)
+    truth = target_place.inverse() @ source_place
+    starts = correlative_matches(target, source, settings)
+    turned = np.abs(np.remainder(starts[:, 2] - truth.theta + np.pi, 2 * np.pi) - np.pi)
+    near = np.hypot(starts[:, 0] - truth.x, starts[:, 1] - truth.y) < 0.3
+    assert (near & (turned < np.radians(4.0))).any()
