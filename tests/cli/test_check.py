@@ -67,7 +67,41 @@ def unknown_station_in_the_sequence(survey):
     return ["survey.toml:3", "sequence", "ghost"]
 
 
+def unknown_station_in_a_table(survey):
+    line = _append(survey / "ranges.csv.gz", "ghost,A1,3.2")
+    return [f"ranges.csv.gz:{line}", "station", "ghost"]
+
+
+def bad_header(survey):
+    _replace(survey / "ranges.csv.gz", "station,anchor,range_m", "station,anchor,metres")
+    return ["ranges.csv.gz:1", "range_m"]
+
+
+def duplicate_anchor(survey):
+    with (survey / "survey.toml").open("a") as file:
+        file.write('\n[[anchors]]\nid = "A1"\nheight_m = 2.0\n')
+    return ["survey.toml:", "A1", "twice"]
+
+
+def newer_format(survey):
+    _replace(survey / "survey.toml", "format = 1", "format = 2")
+    return ["survey.toml:1", "format", "2"]
+
+
+def scan_without_any_return(survey):
+    rows = "".join(f"{angle},0\n" for angle in range(360))
+    (survey / "scans" / "s02.csv.gz").write_bytes(
+        gzip.compress(f"angle_deg,range_m\n{rows}".encode())
+    )
+    return ["scans/s02.csv.gz", "return"]
+
+
 FAULTS = [
+    unknown_station_in_a_table,
+    bad_header,
+    duplicate_anchor,
+    newer_format,
+    scan_without_any_return,
     missing_folder,
     no_survey_toml,
     broken_toml,
