@@ -17,7 +17,13 @@ from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .evidence import STRIDE, Block, Seen, merge_gains, single_block
 from .index import ScanIndex
-from .placement import RangeGain, align_blocks, distant, merge_candidates
+from .placement import (
+    RangeGain,
+    align_blocks,
+    distant,
+    merge_candidates,
+    touching_stations,
+)
 from .score import point_evidence
 
 _ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known
@@ -66,10 +72,11 @@ def _rivals(
     range_gain: RangeGain,
 ) -> dict[StationId, Rival]:
     seen = _seen_by_each(block, scans, settings)
+    touching = touching_stations(hypotheses)
     found = {}
     for station, pose in block.poses.items():
         rest, alone = _without(block, station, seen), single_block(station, scans[station])
-        others = merge_candidates(rest, alone, hypotheses)
+        others = merge_candidates(rest, alone, touching)
         places = np.concatenate([pose.vector[None, :], align_blocks(rest, alone, others, scans)])
         gains = merge_gains(rest, alone, places, scans, settings)
         allowed = gains >= settings.min_margin_m

@@ -14,6 +14,7 @@ from .batch import compose, invert
 from .index import ScanIndex
 from .score import point_evidence
 
+_NEAR_M = 0.5  # partners lie closer than this
 STRIDE = 2
 """Every second point is enough to weigh walls."""
 
@@ -63,13 +64,20 @@ def lengths_of(scan: ScanIndex) -> FloatArray:
 
 
 def crossing(
-    a: Block, b: Block, candidates: FloatArray
+    a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> Iterator[tuple[StationId, StationId, FloatArray, Pose2]]:
-    """Stations i of a and j of b with i_T_j (K, 3) at each candidate a_T_b, and b_T_j."""
+    """Stations i of a and j of b with i_T_j (K, 3) at each candidate a_T_b, and b_T_j.
+
+    Stations too far apart to see a wall in common, at every candidate, are left out.
+    """
     for j, b_T_j in b.poses.items():
         a_T_j = compose(candidates, np.tile(b_T_j.vector, (len(candidates), 1)))
         for i, a_T_i in a.poses.items():
-            yield i, j, compose(np.tile(a_T_i.inverse().vector, (len(candidates), 1)), a_T_j), b_T_j
+            apart = np.hypot(a_T_j[:, 0] - a_T_i.x, a_T_j[:, 1] - a_T_i.y).min()
+            if apart > scans[i].reach + scans[j].reach + _NEAR_M:
+                continue
+            a_T_i_inverse = np.tile(a_T_i.inverse().vector, (len(candidates), 1))
+            yield i, j, compose(a_T_i_inverse, a_T_j), b_T_j
 
 
 def _cross_seen(
@@ -82,7 +90,7 @@ def _cross_seen(
     """What the scans of each block say of the points of the other's, with arrays (K, N) over the candidates."""
     seen_a = {i: _broadcast(seen, len(candidates)) for i, seen in a.seen.items()}
     seen_b = {j: _broadcast(seen, len(candidates)) for j, seen in b.seen.items()}
-    for i, j, i_T_j, _ in crossing(a, b, candidates):
+    for i, j, i_T_j, _ in crossing(a, b, candidates, scans):
         for seen, key, target, source, pose in (
             (seen_b, j, i, j, i_T_j),
             (seen_a, i, j, i, invert(i_T_j)),

@@ -45,6 +45,8 @@ class ScanIndex:
     """A prepared scan with its look-up structures."""
 
     scan: PreparedScan
+    reach: float
+    """m to the furthest point."""
     reliable: NDArray[np.bool_]
     """(N,) points whose normal can be trusted."""
     table: NDArray[np.int32]
@@ -81,6 +83,7 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     table, origin = _nearest_table(scan.points)
     return ScanIndex(
         scan=scan,
+        reach=float(np.hypot(*scan.points.T).max()),
         reliable=scan.normal_variance <= _MAX_SLOPE_VARIANCE,
         table=table,
         table_origin=origin,

@@ -76,7 +76,8 @@ def place_stations(
         block alone.
     """
     blocks = {index: single_block(station, scans[station]) for index, station in enumerate(scans)}
-    merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, hypotheses, settings, range_gain)
+    touching = touching_stations(hypotheses)
+    merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, touching, settings, range_gain)
               for pair in combinations(blocks, 2)}  # fmt: skip
     count = len(blocks)
     while True:
@@ -92,7 +93,7 @@ def place_stations(
         merged = merge_blocks(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
         merges = {pair: kept for pair, kept in merges.items() if not {a, b} & set(pair)}
         merges |= {
-            (old, new): _best_merge(block, merged, scans, hypotheses, settings, range_gain)
+            (old, new): _best_merge(block, merged, scans, touching, settings, range_gain)
             for old, block in blocks.items()
         }
         blocks[new] = merged
@@ -109,12 +110,12 @@ def _best_merge(
     a: Block,
     b: Block,
     scans: Mapping[StationId, ScanIndex],
-    hypotheses: Sequence[ScanMatch],
+    touching: Touching,
     settings: MatchingSettings,
     range_gain: RangeGain,
 ) -> _Merge | None:
     """The relative pose of two blocks with the highest gain in evidence; None where no hypothesis joins them."""
-    candidates = merge_candidates(a, b, hypotheses)
+    candidates = merge_candidates(a, b, touching)
     if not len(candidates):
         return None
     candidates = align_blocks(a, b, candidates, scans)
@@ -143,22 +144,35 @@ def distant(
     return np.asarray((away > metres) | (turned > radians))
 
 
-def merge_candidates(a: Block, b: Block, hypotheses: Sequence[ScanMatch]) -> FloatArray:
+Touching = Mapping[StationId, Sequence[ScanMatch]]
+"""All hypotheses that touch each station."""
+
+
+def touching_stations(hypotheses: Sequence[ScanMatch]) -> Touching:
+    """The hypotheses by station, each under both of its own."""
+    touching: dict[StationId, list[ScanMatch]] = {}
+    for match in hypotheses:
+        touching.setdefault(match.target, []).append(match)
+        touching.setdefault(match.source, []).append(match)
+    return touching
+
+
+def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
     """(K, 3) distinct a_T_b by the hypotheses between their stations, those with most support first."""
     poses, scores = [], []
-    for match in hypotheses:
-        if match.target in a.poses and match.source in b.poses:
-            a_T_b = a.poses[match.target] @ match.target_T_source @ b.poses[match.source].inverse()
-        elif match.source in a.poses and match.target in b.poses:
-            a_T_b = (
-                a.poses[match.source]
-                @ match.target_T_source.inverse()
-                @ b.poses[match.target].inverse()
-            )
-        else:
-            continue
-        poses.append(a_T_b.vector)
-        scores.append(match.score)
+    smaller, other = (a.poses, b.poses) if len(a.poses) < len(b.poses) else (b.poses, a.poses)
+    for station in smaller:
+        for match in touching.get(station, ()):
+            if (match.source if match.target == station else match.target) not in other:
+                continue
+            if match.target in a.poses:
+                a_T_target, b_T_source = a.poses[match.target], b.poses[match.source]
+                a_T_b = a_T_target @ match.target_T_source @ b_T_source.inverse()
+            else:
+                a_T_source, b_T_target = a.poses[match.source], b.poses[match.target]
+                a_T_b = a_T_source @ match.target_T_source.inverse() @ b_T_target.inverse()
+            poses.append(a_T_b.vector)
+            scores.append(match.score)
     if not poses:
         return np.zeros((0, 3))
     stack, score = np.array(poses), np.array(scores)
@@ -188,7 +202,7 @@ def align_blocks(
     for gate in (0.4, 0.2):
         hessian = np.zeros((len(candidates), 3, 3))
         gradient = np.zeros((len(candidates), 3))
-        for i, j, i_T_j, b_T_j in crossing(a, b, candidates):
+        for i, j, i_T_j, b_T_j in crossing(a, b, candidates, scans):
             residual, jacobian, weight = correspondences(
                 scans[i], scans[j], i_T_j, gate=gate, stride=STRIDE
             )
