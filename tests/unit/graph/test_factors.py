@@ -146,7 +146,8 @@ def test_a_covariance_that_gtsam_would_take_silently_is_refused(covariance):
 
 
 def test_millimetres_beside_radians_are_no_singular_covariance():
-    factors.covariance_noise(np.diag([1e-6, 1e4, 1e-8]), "a corridor")
+    noise = factors.covariance_noise(np.diag([1e-6, 1e4, 1e-8]), "a corridor")
+    np.testing.assert_allclose(noise.covariance(), np.diag([1e-6, 1e4, 1e-8]), rtol=1e-9)
 
 
 def test_a_known_station_is_held_in_the_world_s_axes():
