@@ -8,9 +8,8 @@ import numpy as np
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
-from .index import DIRECTIONS, ScanIndex, Spectra, correlation_grids, grid_size
+from .index import BLOCK, DIRECTIONS, ScanIndex, Spectra, correlation_grids, grid_size
 
-_BLOCK = 3  # cells; one peak a block, so that a ridge along a wall does not take all places
 _DISTINCT_M = 0.3
 _PEAK_BINS = 4  # degrees around a peak of the wall directions that belong to it
 _PEAK_SHARE = 0.4  # of the highest peak that a further rotation must reach
@@ -37,7 +36,7 @@ def correlative_matches(
     contrast = np.concatenate([b.contrast, b.contrast.conj()])
     oblique = _oblique_turns(a, b)
     if len(oblique):
-        angles = b.wall_angle - oblique
+        angles = source.turn - oblique
         grids = rfft2([correlation_grids(source.scan, angle, settings) for angle in angles])
         turns = np.concatenate([turns, oblique])
         occupied = np.concatenate([occupied, grids[:, 0]])
@@ -48,9 +47,9 @@ def correlative_matches(
     signed = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
     shift = np.column_stack([signed[column], signed[row]])
     keep = _distinct(shift, turn, value, settings.initial_matches)
-    c, s = math.cos(a.wall_angle), math.sin(a.wall_angle)
+    c, s = math.cos(target.turn), math.sin(target.turn)
     x, y = shift[keep].T
-    theta = a.wall_angle - b.wall_angle + turns[turn[keep]]
+    theta = target.turn - source.turn + turns[turn[keep]]
     return np.column_stack([c * x - s * y, s * x + c * y, theta])
 
 
@@ -63,8 +62,7 @@ def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
     agreement = np.fft.irfft(target.directions * source.directions.conj(), DIRECTIONS)
     around = [np.roll(agreement, k) for k in range(-_PEAK_BINS, _PEAK_BINS + 1) if k]
     peak = (agreement >= np.max(around, axis=0)) & (agreement > _PEAK_SHARE * agreement.max())
-    rotations = np.flatnonzero(peak) * (2.0 * math.pi / DIRECTIONS)
-    beyond = rotations - (target.wall_angle - source.wall_angle)
+    beyond = np.flatnonzero(peak) * (2.0 * math.pi / DIRECTIONS)
     quarter = 0.5 * math.pi
     off = np.abs(np.remainder(beyond + 0.5 * quarter, quarter) - 0.5 * quarter)
     oblique = off > math.radians(_PEAK_BINS)
@@ -73,25 +71,19 @@ def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
 
 
 def _peaks(maps: FloatArray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, FloatArray]:
-    """Turn, row, column and value of the highest cells, at most one a block of cells, sorted by value."""
+    """Turn, row, column and value of the highest cells, at most one a block of cells, sorted by value.
+
+    One peak a block, so that a ridge along a wall does not take all places.
+    """
     turns, size, _ = maps.shape
-    edge = math.ceil(size / _BLOCK) * _BLOCK
-    padded = np.pad(maps, ((0, 0), (0, edge - size), (0, edge - size)), constant_values=-np.inf)
-    blocks = padded.reshape(turns, edge // _BLOCK, _BLOCK, edge // _BLOCK, _BLOCK).transpose(
-        0, 1, 3, 2, 4
-    )
-    blocks = blocks.reshape(-1, _BLOCK * _BLOCK)
-    inside = np.argmax(blocks, axis=1)
-    highest = blocks[np.arange(len(blocks)), inside]
+    edge = size // BLOCK
+    blocks = maps.reshape(turns, edge, BLOCK, edge, BLOCK)
+    highest = blocks.max(axis=2).max(axis=3).ravel()
     best = np.argpartition(highest, -min(count, len(highest)))[-count:]
     best = best[np.lexsort((best, -highest[best]))]
-    turn, row, column = np.unravel_index(best, (turns, edge // _BLOCK, edge // _BLOCK))
-    return (
-        turn,
-        row * _BLOCK + inside[best] // _BLOCK,
-        column * _BLOCK + inside[best] % _BLOCK,
-        highest[best],
-    )
+    turn, row, column = np.unravel_index(best, (turns, edge, edge))
+    inside = np.argmax(blocks[turn, row, :, column].reshape(len(best), -1), axis=1)
+    return turn, row * BLOCK + inside // BLOCK, column * BLOCK + inside % BLOCK, highest[best]
 
 
 def _distinct(shift: FloatArray, turn: np.ndarray, value: FloatArray, count: int) -> list[int]:

@@ -21,6 +21,8 @@ _TABLE_MARGIN_M = 1.0
 _TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
 DIRECTIONS = 360
 """Bins of the histogram of wall directions."""
+BLOCK = 3
+"""Cells along an edge of the blocks of the correlation grid that may hold one peak each."""
 _MAX_SLOPE_VARIANCE = (
     0.01  # normals less certain than this mislead more than they help (library facts, 7)
 )
@@ -30,65 +32,94 @@ _MAX_SLOPE_VARIANCE = (
 class Spectra:
     """Correlation grids of one scan in its wall-aligned frame, as half spectra at quarter turns 0 and 1."""
 
-    wall_angle: float
-    """rad, direction of the walls in the scanner's frame, in [-pi/4, pi/4)."""
     occupied: NDArray[np.complex128]
     """(2, G, G // 2 + 1)."""
     contrast: NDArray[np.complex128]
     """(2, G, G // 2 + 1), blurred occupied cells minus free ones."""
     directions: NDArray[np.complex128]
-    """(D // 2 + 1,) spectrum of the smoothed histogram of wall directions, all the way round."""
+    """(D // 2 + 1,) spectrum of the smoothed histogram of wall directions in aligned axes, all the way
+    round."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanIndex:
-    """A prepared scan with its look-up structures."""
+    """A prepared scan with its look-up structures.
+
+    Aligned axes are the scanner's turned by `turn`: along the walls, with the scan's centroid ahead.
+    What is looked up in them does not depend on which way the scanner was turned.
+    """
 
     scan: PreparedScan
     reach: float
     """m to the furthest point."""
     reliable: NDArray[np.bool_]
     """(N,) points whose normal can be trusted."""
+    turn: float
+    """rad, direction of the aligned x axis in the scanner's frame."""
+    columns: FloatArray
+    """(4, N) x, y of the points and x, y of their normals, in the scanner's frame."""
+    aligned: FloatArray
+    """(4, N) the same in aligned axes."""
     table: NDArray[np.int32]
-    """(H, W) index of the point nearest to each cell's centre."""
+    """(H, W) index of the point nearest to each cell's centre, in aligned axes."""
     table_origin: tuple[float, float]
     tree: cKDTree
     spectra: Spectra
 
     def nearest(self, points: Points) -> NDArray[np.int32]:
         """Index (...,) of the scan's point nearest to each of `points` (..., 2); cells of 0.1 m, so nearly."""
-        column = ((points[..., 0] - self.table_origin[0]) * (1.0 / _TABLE_CELL_M)).astype(np.int32)
-        row = ((points[..., 1] - self.table_origin[1]) * (1.0 / _TABLE_CELL_M)).astype(np.int32)
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        x, y = points[..., 0], points[..., 1]
+        return self.nearest_aligned(c * x + s * y, c * y - s * x)
+
+    def nearest_aligned(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
+        """The same for coordinates (...,) in aligned axes."""
         height, width = self.table.shape
-        np.clip(column, 0, width - 1, out=column)
-        np.clip(row, 0, height - 1, out=row)
-        return np.asarray(self.table.ravel().take(row * width + column))
+        column = _cells(x, self.table_origin[0], width)
+        row = _cells(y, self.table_origin[1], height)
+        row *= width
+        row += column
+        return np.asarray(self.table.ravel().take(row))
 
-    def nearest_exactly(self, points: Points) -> NDArray[np.int32]:
+    def nearest_aligned_exactly(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """The same by search: three times the time, and independent of how the cells lie."""
-        return np.asarray(self.tree.query(points)[1], dtype=np.int32)
+        return np.asarray(self.tree.query(np.stack([x, y], axis=-1))[1], dtype=np.int32)
 
-    def free_range(self, points: Points) -> FloatArray:
-        """(...,) metres the scanner looked through in the direction of each of `points` (..., 2); 0 = unknown."""
+    def free_range(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """(...,) metres the scanner looked through towards the places (x, y) in aligned axes; 0 = unknown."""
         count = len(self.scan.free_ranges)
-        bearing = np.arctan2(points[..., 1], points[..., 0])
-        sector = ((bearing + math.pi) * (count / (2.0 * math.pi))).astype(np.int32)
-        return self.scan.free_ranges.take(np.minimum(sector, count - 1))
+        sector = (np.arctan2(y, x) + (self.turn + math.pi)) * (count / (2.0 * math.pi))
+        return self.scan.free_ranges.take(np.floor(sector).astype(np.int32) % count)
+
+
+def _cells(coordinate: FloatArray, origin: float, count: int) -> NDArray[np.int32]:
+    """(...,) number of the cell of each coordinate, the first or the last where it lies outside."""
+    cells = coordinate - origin
+    cells *= 1.0 / _TABLE_CELL_M
+    np.maximum(cells, 0.0, out=cells)
+    np.minimum(cells, count - 1.0, out=cells)
+    return cells.astype(np.int32)
 
 
 def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     """Build the look-up structures of one scan; it must have at least one point."""
     from scipy.spatial import cKDTree
 
-    table, origin = _nearest_table(scan.points)
+    angle = aligning_turn(scan)
+    aligned = np.concatenate([scan.points, scan.normals], axis=1).reshape(-1, 2)
+    aligned = (aligned @ rotation_matrix(angle)).reshape(-1, 4).T
+    table, origin = _nearest_table(aligned[:2].T)
     return ScanIndex(
         scan=scan,
         reach=float(np.hypot(*scan.points.T).max()),
         reliable=scan.normal_variance <= _MAX_SLOPE_VARIANCE,
+        turn=angle,
+        columns=np.ascontiguousarray(np.concatenate([scan.points, scan.normals], axis=1).T),
+        aligned=np.ascontiguousarray(aligned),
         table=table,
         table_origin=origin,
-        tree=cKDTree(scan.points),
-        spectra=_spectra(scan, settings),
+        tree=cKDTree(aligned[:2].T),
+        spectra=_spectra(scan, angle, settings),
     )
 
 
@@ -96,13 +127,24 @@ def _nearest_table(points: Points) -> tuple[NDArray[np.int32], tuple[float, floa
     from scipy.ndimage import distance_transform_edt
 
     reach = np.clip(points, -_TABLE_REACH_M, _TABLE_REACH_M)
-    low = reach.min(axis=0) - _TABLE_MARGIN_M
+    # Half a cell more: a straight wall at the border then runs along the middle of its cells.
+    low = reach.min(axis=0) - _TABLE_MARGIN_M - 0.5 * _TABLE_CELL_M
     shape = np.ceil((reach.max(axis=0) + _TABLE_MARGIN_M - low) / _TABLE_CELL_M).astype(int)
     column, row = ((reach - low) / _TABLE_CELL_M).astype(int).T
     owner = np.full((shape[1], shape[0]), -1, dtype=np.int32)
-    owner[row, column] = np.arange(len(points))
+    # Of several points in a cell the one next to its centre, whatever their order.
+    off = np.hypot(*((reach - low) / _TABLE_CELL_M - np.column_stack([column, row]) - 0.5).T)
+    order = np.argsort(-off, kind="stable")
+    owner[row[order], column[order]] = order
     rows, columns = distance_transform_edt(owner < 0, return_distances=False, return_indices=True)
     return owner[rows, columns], (float(low[0]), float(low[1]))
+
+
+def aligning_turn(scan: PreparedScan) -> float:
+    """Direction, rad, of the walls in the scanner's frame, that of the four in which most of the walls lie."""
+    angle = wall_angle(scan)
+    ahead, left = (scan.lengths @ scan.points) @ rotation_matrix(angle)
+    return angle + 0.5 * math.pi * round(math.atan2(left, ahead) / (0.5 * math.pi))
 
 
 def wall_angle(scan: PreparedScan) -> float:
@@ -133,31 +175,30 @@ def wall_angle(scan: PreparedScan) -> float:
 
 
 def grid_size(settings: MatchingSettings) -> int:
-    """Cells along an edge of the correlation grid; wraps round at twice the radius, which scoring sorts out."""
+    """Cells along an edge of the correlation grid; wraps round at twice the radius, which scoring sorts out.
+
+    A whole number of blocks of cells that has small prime factors.
+    """
     from scipy.fft import next_fast_len
 
-    return int(
-        next_fast_len(
-            math.ceil(2.0 * settings.correlation_radius_m / settings.correlation_cell_m), real=True
-        )
-    )
+    blocks = math.ceil(2.0 * settings.correlation_radius_m / settings.correlation_cell_m / BLOCK)
+    return BLOCK * int(next_fast_len(blocks, real=True))
 
 
-def _spectra(scan: PreparedScan, settings: MatchingSettings) -> Spectra:
+def _spectra(scan: PreparedScan, angle: float, settings: MatchingSettings) -> Spectra:
     from scipy.fft import rfft2
 
-    angle = wall_angle(scan)
     grids = correlation_grids(scan, angle, settings)
     # Turning by 90 degrees maps cell (row, column) to (column, -row); half turns are conjugate
     # spectra.
     turned = np.roll(np.flip(grids.transpose(0, 2, 1), axis=2), 1, axis=2)
     spectra = rfft2(np.stack([grids, turned], axis=1))
-    return Spectra(angle, spectra[0], spectra[1], _direction_spectrum(scan))
+    return Spectra(spectra[0], spectra[1], _direction_spectrum(scan, angle))
 
 
-def _direction_spectrum(scan: PreparedScan) -> NDArray[np.complex128]:
+def _direction_spectrum(scan: PreparedScan, angle: float) -> NDArray[np.complex128]:
     certain = scan.normal_variance <= _MAX_SLOPE_VARIANCE
-    normals = scan.normals[certain]
+    normals = scan.normals[certain] @ rotation_matrix(angle)
     bins = np.floor((np.arctan2(normals[:, 1], normals[:, 0]) / (2.0 * math.pi)) * DIRECTIONS)
     histogram = np.bincount(
         bins.astype(int) % DIRECTIONS, weights=scan.lengths[certain], minlength=DIRECTIONS

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..model.geometry import FloatArray, Points
 from ..model.settings import MatchingSettings
-from .batch import transform
 from .index import ScanIndex
+from .pairing import pair_points
 
 _CHUNK = 4096  # transformations scored at once; bounds memory
 
@@ -42,9 +42,7 @@ def closest_point_count(
     target: ScanIndex, source: ScanIndex, poses: FloatArray, closest_point_m: float
 ) -> FloatArray:
     """(K,) source points with a target point nearer than `closest_point_m`: the paper's score."""
-    moved = transform(poses, source.scan.points)
-    offset = moved - target.scan.points[target.nearest(moved)]
-    near = np.einsum("knd,knd->kn", offset, offset) < closest_point_m**2
+    near = pair_points(target, source, poses).squared < closest_point_m**2
     return np.asarray(near.sum(axis=1), dtype=np.float64)
 
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
-from .batch import invert, transform
+from .batch import invert
 from .index import ScanIndex
+from .pairing import pair_points
 
 _HIT_M = 0.15  # residuals beyond this confirm nothing
 _HIT_SCALE_M = 0.10
@@ -40,25 +41,18 @@ def point_evidence(
     stride: int = 1,
 ) -> PointEvidence:
     """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3)."""
-    points, normals = source.scan.points[::stride], source.scan.normals[::stride]
-    moved = transform(poses, points)
-    partner = target.nearest(moved)
-    dx = moved[..., 0] - target.scan.points[:, 0].take(partner)
-    dy = moved[..., 1] - target.scan.points[:, 1].take(partner)
-    nx, ny = target.scan.normals[:, 0].take(partner), target.scan.normals[:, 1].take(partner)
-    across = np.abs(nx * dx + ny * dy)
-    near = dx * dx + dy * dy < _NEAR_M**2
-    c, s = np.cos(poses[:, 2:3]), np.sin(poses[:, 2:3])
-    agree = (c * normals[:, 0] - s * normals[:, 1]) * nx + (
-        s * normals[:, 0] + c * normals[:, 1]
-    ) * ny > _AGREE
+    pairing = pair_points(target, source, poses, stride=stride)
+    across = np.abs(pairing.across)
+    near = pairing.squared < _NEAR_M**2
     hit = np.where(
-        near & agree & (across < _HIT_M), 1.0 / (1.0 + (across / _HIT_SCALE_M) ** 2), 0.0
+        near & (pairing.facing > _AGREE) & (across < _HIT_M),
+        1.0 / (1.0 + (across / _HIT_SCALE_M) ** 2),
+        0.0,
     )
     depth = (
-        target.free_range(moved)
+        target.free_range(pairing.x, pairing.y)
         - settings.free_space_margin_m
-        - np.hypot(moved[..., 0], moved[..., 1])
+        - np.hypot(pairing.x, pairing.y)
     )
     # Ramp: just inside the free space a wall's roughness or a small rotation error is enough of an
     # explanation.

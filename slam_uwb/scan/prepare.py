@@ -13,6 +13,7 @@ from ..model.survey import Scan, StationId
 from .landmarks import extract_landmarks
 from .lines import extract_segments, segment_noise, straight_parts
 
+_ON_EDGE = 1e-9  # bins
 _SURFACE_GAP_M = (
     0.1  # the two middle samples of a bin further apart than this are two surfaces, not noise
 )
@@ -27,13 +28,14 @@ def reduce_scan(scan: Scan, settings: ScanSettings) -> Scan:
     nothing is.
 
     Returns:
-        A scan ordered by bearing in (-pi, pi].
+        A scan ordered by bearing in [-pi, pi).
     """
     width = math.radians(settings.bin_deg)
-    bearings = -np.remainder(math.pi - scan.bearings, 2.0 * math.pi) + math.pi
-    bins = np.minimum(
-        ((bearings + math.pi) / width).astype(np.int64), math.ceil(2.0 * math.pi / width) - 1
-    )
+    # Encoders count in fractions of a degree: many bearings lie on an edge, and rounding must not
+    # choose their side.
+    edge = _ON_EDGE * width
+    bearings = np.remainder(scan.bearings + (math.pi + edge), 2.0 * math.pi) - (math.pi + edge)
+    bins = ((bearings + (math.pi + edge)) / width).astype(np.int64)
     ranges = np.where((scan.ranges > 0.0) & (scan.ranges <= scan.max_range), scan.ranges, np.nan)
     returned = ~np.isnan(ranges)
     used, bins = np.unique(bins, return_inverse=True)

@@ -116,9 +116,7 @@ def test_the_order_of_stations_anchors_and_samples_changes_the_frame_alone(noisy
 
 @pytest.mark.parametrize("mode", MODES)
 def test_turning_the_scanner_turns_the_heading_alone(noisy, solved, mode):
-    # Turned by whole angle bins, so that each bin keeps its samples. What remains are the 0.1 m
-    # cells by which partners are looked up, which lie differently over the walls: 1.1 mm
-    # joint, 2.3 mm sequential. It should be nothing: starts differ, and so may end in another optimum.
+    # Turned by whole angle bins, so that each bin keeps its samples.
     turns = {station.id: 7.0 * k for k, station in enumerate(noisy.survey.stations)}
 
     def turned(station):
@@ -131,7 +129,7 @@ def test_turning_the_scanner_turns_the_heading_alone(noisy, solved, mode):
         replace(s, pose=s.pose @ Pose2(0.0, 0.0, -np.radians(turns[s.id])))
         for s in solution.stations
     )
-    assert_same_places(replace(solution, stations=stations), solved[mode], 2.5e-3)
+    assert_same_places(replace(solution, stations=stations), solved[mode], 1e-6)
 
 
 @pytest.mark.parametrize("mode", MODES)

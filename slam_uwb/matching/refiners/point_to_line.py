@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
-from ..batch import adjoints, compose, distinct, invert, transform
+from ..batch import adjoints, compose, distinct, invert
 from ..index import ScanIndex
+from ..pairing import pair_points
 from ..score import score_matches
 
 _SAME_FACE = 0.5  # least cosine between the normals of partners
@@ -18,6 +21,7 @@ _COARSE = 3  # every third point is enough to find the basin
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
 _SHRINK = 0.6
 _STEPS, _STEPS_UNTIL_STILL = 6, 40
+_LONGEST = 0.5  # m a step
 _STILL = 1e-8  # m and rad; nothing moves any more
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
@@ -95,27 +99,33 @@ def _step(
     exact: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """One Gauss-Newton step of every pose; returns poses (K, 3) and the steps in the source's axes (K, 3)."""
-    residual, jacobian, weight = correspondences(
-        target, source, poses, gate=gate, stride=stride, exact=exact
-    )
-    if both_ways:
-        # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes, undone in
-        # the Jacobian.
-        inverse = invert(poses)
-        back_residual, back_jacobian, back_weight = correspondences(
-            source, target, inverse, gate=gate, stride=stride, exact=exact
-        )
-        residual = np.concatenate([residual, back_residual], axis=1)
-        jacobian = np.concatenate([jacobian, -back_jacobian @ adjoints(poses)], axis=1)
-        weight = np.concatenate([weight, back_weight], axis=1)
-    loss_scale = np.maximum(scale, _own_scale(residual, weight) if both_ways else 0.0)
-    weight = weight / (1.0 + (residual / loss_scale) ** 2)
-    weighted = jacobian * weight[:, :, None]
-    hessian = np.swapaxes(jacobian, 1, 2) @ weighted
-    gradient = (np.swapaxes(weighted, 1, 2) @ residual[:, :, None])[:, :, 0]
+    look_up = partial(correspondences, gate=gate, stride=stride, exact=exact)
+    forth = look_up(target, source, poses)
+    back = look_up(source, target, invert(poses)) if both_ways else None
+    loss_scale = np.full((len(poses), 1), scale)
+    if back is not None:
+        loss_scale = np.maximum(scale, _own_scale(forth, back))
+    hessian, gradient = _normal_equations(forth, loss_scale)
+    if back is not None:
+        # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
+        adjoint = adjoints(poses)
+        back_hessian, back_gradient = _normal_equations(back, loss_scale)
+        transposed = np.swapaxes(adjoint, 1, 2)
+        hessian = hessian + transposed @ back_hessian @ adjoint
+        gradient = gradient - (transposed @ back_gradient[:, :, None])[:, :, 0]
     step = damped_step(hessian, gradient)
-    step = np.clip(step, -0.5, 0.5)
+    step = step * np.minimum(1.0, _LONGEST / np.maximum(np.hypot(*step[:, :2].T), 1e-12))[:, None]
     return compose(poses, step), step
+
+
+def _normal_equations(
+    rows: Correspondences, loss_scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Hessians (K, 3, 3) and gradients (K, 3) under a Cauchy loss of the given scales (K, 1)."""
+    residual, jacobian, weight = rows
+    weight = weight / (1.0 + (residual / loss_scale) ** 2)
+    weighted = np.swapaxes(jacobian, 1, 2) * weight[:, None, :]
+    return weighted @ jacobian, (weighted @ residual[:, :, None])[:, :, 0]
 
 
 def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -129,6 +139,10 @@ def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
     return np.asarray(-np.linalg.solve(damped, gradient[:, :, None])[:, :, 0])
 
 
+Correspondences = tuple[FloatArray, FloatArray, FloatArray]
+"""Residuals (K, N) m, their derivatives (K, N, 3), and weights (K, N) in metres of wall."""
+
+
 def correspondences(
     target: ScanIndex,
     source: ScanIndex,
@@ -137,36 +151,36 @@ def correspondences(
     gate: float,
     stride: int = 1,
     exact: bool = False,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> Correspondences:
     """Source points against the target's walls for poses target_T_source (K, 3).
 
     Returns:
         Residuals (K, N) m along the target's normals, their derivatives (K, N, 3) by a motion (x,
         y, theta) in the source's axes, and weights (K, N) in metres of wall, zero where no reliable
-        wall lies within `gate` metres.
+        wall that faces the same way lies within `gate` metres.
     """
-    points = source.scan.points[::stride]
-    moved = transform(poses, points)
-    partner = target.nearest_exactly(moved) if exact else target.nearest(moved)
-    dx = moved[..., 0] - target.scan.points[:, 0].take(partner)
-    dy = moved[..., 1] - target.scan.points[:, 1].take(partner)
-    nx, ny = target.scan.normals[:, 0].take(partner), target.scan.normals[:, 1].take(partner)
-    residual = nx * dx + ny * dy
-    close = (dx * dx + dy * dy < gate * gate) & target.reliable.take(partner)
-    c, s = np.cos(poses[:, 2:3]), np.sin(poses[:, 2:3])
-    # Normals in the source's axes, and the lever of a turn about the source's origin.
-    jx, jy = c * nx + s * ny, c * ny - s * nx
+    pairing = pair_points(target, source, poses, stride=stride, exact=exact)
+    points_x, points_y = source.columns[:2, ::stride]
+    # Rows are kept component by component: products over the points run along memory.
+    jacobian = np.empty((len(poses), 3, len(points_x)))
+    jacobian[:, 0], jacobian[:, 1] = pairing.normal_x, pairing.normal_y
+    jacobian[:, 2] = pairing.normal_y * points_x - pairing.normal_x * points_y
     # The two faces of a wall lie within the gate; normals that face apart tell them from each other.
-    normals = source.scan.normals[::stride]
-    close &= jx * normals[:, 0] + jy * normals[:, 1] > _SAME_FACE
-    jacobian = np.stack([jx, jy, jy * points[:, 0] - jx * points[:, 1]], axis=-1)
-    return residual, jacobian, np.where(close, source.scan.lengths[::stride], 0.0)
+    close = (pairing.squared < gate * gate) & (pairing.facing > _SAME_FACE)
+    close &= target.reliable.take(pairing.partner)
+    weight = np.where(close, source.scan.lengths[::stride], 0.0)
+    return pairing.across, np.swapaxes(jacobian, 1, 2), weight
 
 
-def _own_scale(residual: FloatArray, weight: FloatArray) -> FloatArray:
+def _own_scale(forth: Correspondences, back: Correspondences) -> FloatArray:
     """(K, 1) Cauchy scale from the median absolute residual within the gate, at most the coarse one."""
-    masked = np.where(weight > 0.0, np.abs(residual), np.nan)
-    masked[np.isnan(masked).all(axis=1)] = _CAUCHY_M
-    return np.clip(
-        2.0 * 1.4826 * np.nanmedian(masked, axis=1, keepdims=True), _SCALE_FLOOR_M, _CAUCHY_M
+    masked = np.concatenate(
+        [np.where(weight > 0.0, np.abs(residual), np.inf) for residual, _, weight in (forth, back)],
+        axis=1,
     )
+    masked.sort(axis=1)
+    count = np.isfinite(masked).sum(axis=1)
+    row = np.arange(len(masked))
+    middle = 0.5 * (masked[row, np.maximum(count - 1, 0) // 2] + masked[row, count // 2])
+    middle[count == 0] = _CAUCHY_M
+    return np.asarray(np.clip(2.0 * 1.4826 * middle, _SCALE_FLOOR_M, _CAUCHY_M)[:, None])

@@ -5,9 +5,16 @@ import numpy as np
 import pytest
 
 from slam_uwb.matching.index import index_scan, wall_angle
-from slam_uwb.model.geometry import Pose2
+from slam_uwb.model.geometry import Pose2, rotation_matrix
+from slam_uwb.model.settings import MatchingSettings
 
 CELL = 0.1
+
+
+def free_ranges(index, points):
+    """Metres looked through towards `points` (..., 2) in the scanner's frame."""
+    aligned = points @ rotation_matrix(index.turn)
+    return index.free_range(aligned[..., 0], aligned[..., 1])
 
 
 def brute_distances(scan, points):
@@ -35,10 +42,10 @@ def test_a_scans_own_points_find_themselves_or_a_neighbour(view, room):
 def test_look_ups_keep_the_shape_of_the_points(view, room):
     index = view("a", room, Pose2(2.0, 1.5, 0.4))
     points = np.random.default_rng(1).uniform(-3.0, 3.0, (4, 7, 2))
-    nearest, free = index.nearest(points), index.free_range(points)
+    nearest, free = index.nearest(points), free_ranges(index, points)
     assert nearest.shape == free.shape == (4, 7)
     assert nearest[2, 3] == index.nearest(points[2, 3][None])[0]
-    assert free[2, 3] == index.free_range(points[2, 3][None])[0]
+    assert free[2, 3] == free_ranges(index, points[2, 3][None])[0]
 
 
 def test_points_outside_the_table_have_a_nearest_one_too(view, room):
@@ -64,12 +71,34 @@ def test_free_range_is_that_of_the_sector(view, room):
         bearings = sectors + math.radians(shift)
         for distance in (0.01, 20.0):
             points = distance * np.column_stack([np.cos(bearings), np.sin(bearings)])
-            np.testing.assert_array_equal(index.free_range(points), index.scan.free_ranges)
+            np.testing.assert_array_equal(free_ranges(index, points), index.scan.free_ranges)
 
 
-def test_free_range_at_the_seam_is_that_of_the_last_sector(view, room):
+def test_sectors_meet_at_the_seam_of_the_bearings(view, room):
     index = view("a", room, Pose2(2.0, 1.5, 0.4))
-    assert index.free_range(np.array([[-1.0, 0.0]]))[0] == index.scan.free_ranges[-1]
+    above, below = free_ranges(index, np.array([[-1.0, 1e-6], [-1.0, -1e-6]]))
+    assert (above, below) == (index.scan.free_ranges[-1], index.scan.free_ranges[0])
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.7, -2.5])
+def test_look_ups_do_not_depend_on_how_the_scanner_was_turned(view, room, turn):
+    """In aligned axes the table is the same, cell by cell, and so is what is looked up in it."""
+    index = view("a", room, Pose2(2.0, 1.5, 0.4))
+    back = Pose2(0.0, 0.0, -turn)
+    turned = index_scan(
+        replace(
+            index.scan,
+            points=back.transform(index.scan.points),
+            normals=back.transform(index.scan.normals),
+        ),
+        MatchingSettings(),
+    )
+    assert math.isclose(
+        math.remainder(turned.turn - index.turn + turn, 2 * math.pi), 0.0, abs_tol=1e-9
+    )
+    np.testing.assert_allclose(turned.aligned, index.aligned, atol=1e-9)
+    points = np.random.default_rng(3).uniform(-4.0, 4.0, (500, 2))
+    np.testing.assert_array_equal(turned.nearest(back.transform(points)), index.nearest(points))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 10.0, -30.0, 44.0, -44.0, 100.0, 191.0])

@@ -67,9 +67,19 @@ def test_the_seam_of_the_bearings_is_a_border_of_bins(settings):
 
 
 @pytest.mark.parametrize("bearing", [-180.0, 180.0, 540.0, -180.0 - 1e-13])
-def test_the_seam_itself_is_plus_180(settings, bearing):
+def test_the_seam_itself_is_minus_180(settings, bearing):
     reduced = reduce_scan(scan_of([(bearing, 2.0)]), settings)
-    np.testing.assert_allclose(degrees(reduced), [180.0])
+    np.testing.assert_allclose(degrees(reduced), [-180.0])
+
+
+def test_bearings_on_the_edge_of_a_bin_stay_together_however_the_scanner_is_turned(settings):
+    # Sixteenths of a degree: every sixteenth bearing lies on an edge of the bins of one degree.
+    bearings = np.arange(0.0, 360.0, 0.0625)
+    ranges = 2.0 + 0.5 * np.random.default_rng(4).random(len(bearings))
+    here = reduce_scan(scan_of(np.column_stack([bearings, ranges])), settings)
+    for turn in (7.0, 14.0, 77.0, 185.0):
+        there = reduce_scan(scan_of(np.column_stack([bearings - turn, ranges])), settings)
+        np.testing.assert_array_equal(np.roll(there.ranges, int(turn)), here.ranges)
 
 
 def test_bearings_of_any_turn_are_one_direction(settings, recording):

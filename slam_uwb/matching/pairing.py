@@ -1,0 +1,73 @@
+"""Every point of one scan with the point of another that lies nearest to it, for many poses at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.geometry import FloatArray
+from .index import ScanIndex
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairing:
+    """N points of the source and their partners on the target at K poses target_T_source."""
+
+    partner: NDArray[np.int32]
+    """(K, N) index of the target's point."""
+    x: FloatArray
+    """(K, N) m, the source's points in the target's aligned axes."""
+    y: FloatArray
+    across: FloatArray
+    """(K, N) m, residual along the partner's normal."""
+    squared: FloatArray
+    """(K, N) m^2, squared distance of the partner."""
+    normal_x: FloatArray
+    """(K, N) the partner's normal in the source's axes."""
+    normal_y: FloatArray
+    facing: FloatArray
+    """(K, N) cosine between the normals of both; 0 where one of them has none."""
+
+
+def pair_points(
+    target: ScanIndex,
+    source: ScanIndex,
+    poses: FloatArray,
+    *,
+    stride: int = 1,
+    exact: bool = False,
+) -> Pairing:
+    """Partners of every `stride`-th point of the source at poses target_T_source (K, 3).
+
+    By look-up in a table of 0.1 m cells, so nearly the nearest; `exact` by search, at three times
+    the time.
+    """
+    # The target in the axes of its walls: the table's cells then lie the same over the walls
+    # whichever way the scanner was turned.
+    ca, sa = np.cos(target.turn), np.sin(target.turn)
+    turned = poses[:, 2:3] - target.turn
+    c, s = np.cos(turned), np.sin(turned)
+    points_x, points_y, normals_x, normals_y = source.columns[:, ::stride]
+    x = c * points_x
+    x -= s * points_y
+    x += (ca * poses[:, 0] + sa * poses[:, 1])[:, None]
+    y = s * points_x
+    y += c * points_y
+    y += (ca * poses[:, 1] - sa * poses[:, 0])[:, None]
+    partner = target.nearest_aligned_exactly(x, y) if exact else target.nearest_aligned(x, y)
+    target_x, target_y, target_nx, target_ny = target.aligned
+    dx, dy = x - target_x.take(partner), y - target_y.take(partner)
+    nx, ny = target_nx.take(partner), target_ny.take(partner)
+    normal_x, normal_y = c * nx + s * ny, c * ny - s * nx
+    return Pairing(
+        partner=partner,
+        x=x,
+        y=y,
+        across=nx * dx + ny * dy,
+        squared=dx * dx + dy * dy,
+        normal_x=normal_x,
+        normal_y=normal_y,
+        facing=normal_x * normals_x + normal_y * normals_y,
+    )
