@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 _TABLE_CELL_M = 0.1
 _TABLE_MARGIN_M = 1.0
 _TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
+# Oblique to the walls: along a wall that runs between two rows of cells each row would keep the
+# points on its own side, and partners follow the noise of the point that looks for them.
+_TABLE_TURN = 0.5
 DIRECTIONS = 360
 """Bins of the histogram of wall directions."""
 BLOCK = 3
@@ -37,16 +40,16 @@ class Spectra:
     contrast: NDArray[np.complex128]
     """(2, G, G // 2 + 1), blurred occupied cells minus free ones."""
     directions: NDArray[np.complex128]
-    """(D // 2 + 1,) spectrum of the smoothed histogram of wall directions in aligned axes, all the way
-    round."""
+    """(D // 2 + 1,) spectrum of the smoothed histogram of wall directions in the axes of the walls,
+    all the way round."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanIndex:
     """A prepared scan with its look-up structures.
 
-    Aligned axes are the scanner's turned by `turn`: along the walls, with the scan's centroid ahead.
-    What is looked up in them does not depend on which way the scanner was turned.
+    Looked up is in table axes, which turn with the walls: what is found does not depend on which
+    way the scanner was turned.
     """
 
     scan: PreparedScan
@@ -55,25 +58,27 @@ class ScanIndex:
     reliable: NDArray[np.bool_]
     """(N,) points whose normal can be trusted."""
     turn: float
-    """rad, direction of the aligned x axis in the scanner's frame."""
+    """rad, direction of the walls in the scanner's frame, that of the four in which most of them lie."""
+    table_turn: float
+    """rad, direction of the table's x axis in the scanner's frame."""
     columns: FloatArray
     """(4, N) x, y of the points and x, y of their normals, in the scanner's frame."""
-    aligned: FloatArray
-    """(4, N) the same in aligned axes."""
+    table_columns: FloatArray
+    """(4, N) the same in table axes."""
     table: NDArray[np.int32]
-    """(H, W) index of the point nearest to each cell's centre, in aligned axes."""
+    """(H, W) index of the point nearest to each cell's centre, in table axes."""
     table_origin: tuple[float, float]
     tree: cKDTree
     spectra: Spectra
 
     def nearest(self, points: Points) -> NDArray[np.int32]:
         """Index (...,) of the scan's point nearest to each of `points` (..., 2); cells of 0.1 m, so nearly."""
-        c, s = math.cos(self.turn), math.sin(self.turn)
+        c, s = math.cos(self.table_turn), math.sin(self.table_turn)
         x, y = points[..., 0], points[..., 1]
-        return self.nearest_aligned(c * x + s * y, c * y - s * x)
+        return self.nearest_in_table(c * x + s * y, c * y - s * x)
 
-    def nearest_aligned(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
-        """The same for coordinates (...,) in aligned axes."""
+    def nearest_in_table(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
+        """The same for coordinates (...,) in table axes."""
         height, width = self.table.shape
         column = _cells(x, self.table_origin[0], width)
         row = _cells(y, self.table_origin[1], height)
@@ -81,14 +86,14 @@ class ScanIndex:
         row += column
         return np.asarray(self.table.ravel().take(row))
 
-    def nearest_aligned_exactly(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
+    def nearest_by_search(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """The same by search: three times the time, and independent of how the cells lie."""
         return np.asarray(self.tree.query(np.stack([x, y], axis=-1))[1], dtype=np.int32)
 
     def free_range(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(...,) metres the scanner looked through towards the places (x, y) in aligned axes; 0 = unknown."""
+        """(...,) metres the scanner looked through towards the places (x, y) in table axes; 0 = unknown."""
         count = len(self.scan.free_ranges)
-        sector = (np.arctan2(y, x) + (self.turn + math.pi)) * (count / (2.0 * math.pi))
+        sector = (np.arctan2(y, x) + (self.table_turn + math.pi)) * (count / (2.0 * math.pi))
         return self.scan.free_ranges.take(np.floor(sector).astype(np.int32) % count)
 
 
@@ -105,21 +110,23 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     """Build the look-up structures of one scan; it must have at least one point."""
     from scipy.spatial import cKDTree
 
-    angle = aligning_turn(scan)
-    aligned = np.concatenate([scan.points, scan.normals], axis=1).reshape(-1, 2)
-    aligned = (aligned @ rotation_matrix(angle)).reshape(-1, 4).T
-    table, origin = _nearest_table(aligned[:2].T)
+    turn = aligning_turn(scan)
+    columns = np.concatenate([scan.points, scan.normals], axis=1)
+    turned = columns.reshape(-1, 2) @ rotation_matrix(turn + _TABLE_TURN)
+    table_columns = np.ascontiguousarray(turned.reshape(-1, 4).T)
+    table, origin = _nearest_table(table_columns[:2].T)
     return ScanIndex(
         scan=scan,
         reach=float(np.hypot(*scan.points.T).max()),
         reliable=scan.normal_variance <= _MAX_SLOPE_VARIANCE,
-        turn=angle,
-        columns=np.ascontiguousarray(np.concatenate([scan.points, scan.normals], axis=1).T),
-        aligned=np.ascontiguousarray(aligned),
+        turn=turn,
+        table_turn=turn + _TABLE_TURN,
+        columns=np.ascontiguousarray(columns.T),
+        table_columns=table_columns,
         table=table,
         table_origin=origin,
-        tree=cKDTree(aligned[:2].T),
-        spectra=_spectra(scan, angle, settings),
+        tree=cKDTree(table_columns[:2].T),
+        spectra=_spectra(scan, turn, settings),
     )
 
 
@@ -127,8 +134,7 @@ def _nearest_table(points: Points) -> tuple[NDArray[np.int32], tuple[float, floa
     from scipy.ndimage import distance_transform_edt
 
     reach = np.clip(points, -_TABLE_REACH_M, _TABLE_REACH_M)
-    # Half a cell more: a straight wall at the border then runs along the middle of its cells.
-    low = reach.min(axis=0) - _TABLE_MARGIN_M - 0.5 * _TABLE_CELL_M
+    low = reach.min(axis=0) - _TABLE_MARGIN_M
     shape = np.ceil((reach.max(axis=0) + _TABLE_MARGIN_M - low) / _TABLE_CELL_M).astype(int)
     column, row = ((reach - low) / _TABLE_CELL_M).astype(int).T
     owner = np.full((shape[1], shape[0]), -1, dtype=np.int32)

@@ -18,7 +18,7 @@ class Pairing:
     partner: NDArray[np.int32]
     """(K, N) index of the target's point."""
     x: FloatArray
-    """(K, N) m, the source's points in the target's aligned axes."""
+    """(K, N) m, the source's points in the target's table axes."""
     y: FloatArray
     across: FloatArray
     """(K, N) m, residual along the partner's normal."""
@@ -44,10 +44,8 @@ def pair_points(
     By look-up in a table of 0.1 m cells, so nearly the nearest; `exact` by search, at three times
     the time.
     """
-    # The target in the axes of its walls: the table's cells then lie the same over the walls
-    # whichever way the scanner was turned.
-    ca, sa = np.cos(target.turn), np.sin(target.turn)
-    turned = poses[:, 2:3] - target.turn
+    ca, sa = np.cos(target.table_turn), np.sin(target.table_turn)
+    turned = poses[:, 2:3] - target.table_turn
     c, s = np.cos(turned), np.sin(turned)
     points_x, points_y, normals_x, normals_y = source.columns[:, ::stride]
     x = c * points_x
@@ -56,8 +54,8 @@ def pair_points(
     y = s * points_x
     y += c * points_y
     y += (ca * poses[:, 1] - sa * poses[:, 0])[:, None]
-    partner = target.nearest_aligned_exactly(x, y) if exact else target.nearest_aligned(x, y)
-    target_x, target_y, target_nx, target_ny = target.aligned
+    partner = target.nearest_by_search(x, y) if exact else target.nearest_in_table(x, y)
+    target_x, target_y, target_nx, target_ny = target.table_columns
     dx, dy = x - target_x.take(partner), y - target_y.take(partner)
     nx, ny = target_nx.take(partner), target_ny.take(partner)
     normal_x, normal_y = c * nx + s * ny, c * ny - s * nx

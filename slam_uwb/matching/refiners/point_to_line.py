@@ -45,7 +45,7 @@ def refine_point_to_line(
     """
     poses = np.array(initial, dtype=np.float64).reshape(-1, 3)
     for gate in (0.6, 0.45, 0.3, 0.3):
-        poses, _ = _step(
+        poses, _, _ = _step(
             target, source, poses, gate=gate, scale=0.5 * gate, stride=_COARSE, both_ways=False
         )
     evidence = score_matches(target, source, poses, settings, _COARSE).evidence
@@ -70,17 +70,19 @@ def polish(
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         # The scale shrinks step by step: at once, the many points of one wall would set it, and the
         # few that hold the other direction would be outliers before they have settled.
-        poses, step = _step(
+        scale = _CAUCHY_M * _SHRINK**iteration
+        poses, step, used_scale = _step(
             target,
             source,
             poses,
             gate=settings.fine_gate_m,
-            scale=_CAUCHY_M * _SHRINK**iteration,
+            scale=scale,
             stride=1,
             both_ways=True,
             exact=until_still,
         )
-        if np.abs(step).max(initial=0.0) < _STILL:
+        # Still under a scale that is yet to shrink is not the end.
+        if np.abs(step).max(initial=0.0) < _STILL and (used_scale > scale).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
     paired = correspondences(target, source, poses, gate=settings.fine_gate_m)[2].any(axis=1)
@@ -97,8 +99,8 @@ def _step(
     stride: int,
     both_ways: bool,
     exact: bool = False,
-) -> tuple[FloatArray, FloatArray]:
-    """One Gauss-Newton step of every pose; returns poses (K, 3) and the steps in the source's axes (K, 3)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One Gauss-Newton step of every pose: poses (K, 3), steps in the source's axes, scales of the loss (K, 1)."""
     look_up = partial(correspondences, gate=gate, stride=stride, exact=exact)
     forth = look_up(target, source, poses)
     back = look_up(source, target, invert(poses)) if both_ways else None
@@ -115,7 +117,7 @@ def _step(
         gradient = gradient - (transposed @ back_gradient[:, :, None])[:, :, 0]
     step = damped_step(hessian, gradient)
     step = step * np.minimum(1.0, _LONGEST / np.maximum(np.hypot(*step[:, :2].T), 1e-12))[:, None]
-    return compose(poses, step), step
+    return compose(poses, step), step, loss_scale
 
 
 def _normal_equations(

@@ -13,8 +13,8 @@ CELL = 0.1
 
 def free_ranges(index, points):
     """Metres looked through towards `points` (..., 2) in the scanner's frame."""
-    aligned = points @ rotation_matrix(index.turn)
-    return index.free_range(aligned[..., 0], aligned[..., 1])
+    turned = points @ rotation_matrix(index.table_turn)
+    return index.free_range(turned[..., 0], turned[..., 1])
 
 
 def brute_distances(scan, points):
@@ -82,7 +82,7 @@ def test_sectors_meet_at_the_seam_of_the_bearings(view, room):
 
 @pytest.mark.parametrize("turn", [0.3, 1.7, -2.5])
 def test_look_ups_do_not_depend_on_how_the_scanner_was_turned(view, room, turn):
-    """In aligned axes the table is the same, cell by cell, and so is what is looked up in it."""
+    """In its own axes the table is the same, cell by cell, and so is what is looked up in it."""
     index = view("a", room, Pose2(2.0, 1.5, 0.4))
     back = Pose2(0.0, 0.0, -turn)
     turned = index_scan(
@@ -96,7 +96,7 @@ def test_look_ups_do_not_depend_on_how_the_scanner_was_turned(view, room, turn):
     assert math.isclose(
         math.remainder(turned.turn - index.turn + turn, 2 * math.pi), 0.0, abs_tol=1e-9
     )
-    np.testing.assert_allclose(turned.aligned, index.aligned, atol=1e-9)
+    np.testing.assert_allclose(turned.table_columns, index.table_columns, atol=1e-9)
     points = np.random.default_rng(3).uniform(-4.0, 4.0, (500, 2))
     np.testing.assert_array_equal(turned.nearest(back.transform(points)), index.nearest(points))
 
