@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ._version import __version__
 from .graph import SOLVERS, adjust_placement
-from .mapping import build_floor_map
+from .mapping import build_floor_map, find_walls
 from .matching import Selection, candidate_pairs, index_scans, match_pairs, select_matches
 from .model.errors import DisconnectedSurveyError
 from .model.geometry import Pose2
@@ -22,7 +22,7 @@ from .model.solution import (
     Status,
 )
 from .model.survey import Scan, StationId, Survey
-from .ranging import range_gain, reduce_anchor_links, reduce_links
+from .ranging import link_model, range_gain, reduce_anchor_links, reduce_links
 from .scan import prepare_scan, reduce_scan
 
 
@@ -80,6 +80,10 @@ def solve_survey(
         tag_offset=survey.tag_offset,
         range_offset=survey.range_offset,
         sequence=survey.sequence,
+        link_model=link_model(
+            settings.ranging,
+            (lambda poses: find_walls(scans, poses, settings.mapping)) if scans else None,
+        ),
     )
     progress("estimating poses and anchors", 0, 1)
     estimate = _solve(problem, settings.graph, selection)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from .frame import Start
 from .ranges import Levers, link_reasons
 from .sightings import Finding
 from .variables import Variables
+from .verdicts import LinkName, LinkVerdict
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +42,8 @@ class Solved:
     levers: Levers
     biases: tuple[Bias, ...] = ()
     checks: SolverChecks | None = None
+    verdicts: Mapping[LinkName, LinkVerdict] = field(default_factory=dict)
+    """Of the links that were used."""
 
 
 def joint_order(
@@ -154,11 +158,20 @@ def _links(problem: GraphProblem, solved: Solved) -> tuple[LinkMeasurement, ...]
         if reason is None and link.station not in tags:
             reason = "the station is not placed"
         elif reason is None and (place is None or height is None):
-            reason = f"the anchor is {solved.anchors[link.anchor].status.value}"
+            finding = solved.anchors[link.anchor]
+            reason = finding.note or f"the anchor is {finding.status.value}"
         residual = math.nan
         if link.station in tags and place is not None and height is not None:
             rise = height - tag_heights[link.station]
             slant = math.hypot(math.dist(tags[link.station], place), rise)
-            residual = link.distance - solved.variables.offset - slant
+            residual = link.distance - solved.variables.offset_of(link.anchor) - slant
         filled.append(replace(link, residual=residual, rejection=reason))
+        verdict = solved.verdicts.get((link.station, link.anchor))
+        if verdict is not None and reason is None:
+            filled[-1] = replace(
+                filled[-1],
+                walls=verdict.walls,
+                nlos_probability=verdict.nlos_probability,
+                rejection=verdict.fault,
+            )
     return tuple(filled)

@@ -39,6 +39,11 @@ def L(index: int) -> int:
     return int(gtsam.symbol("l", index))
 
 
+def D(index: int) -> int:
+    """Key of the offset of the links of anchor `index` of the problem, a plain double."""
+    return int(gtsam.symbol("d", index))
+
+
 def to_gtsam(pose: Pose2) -> gtsam.Pose2:
     """The same pose as GTSAM has it."""
     return gtsam.Pose2(pose.x, pose.y, pose.theta)
@@ -113,10 +118,25 @@ def offset_prior(offset: RangeOffset) -> gtsam.PriorFactorDouble:
     return gtsam.PriorFactorDouble(OFFSET_KEY, offset.mean, noise)
 
 
+def delay_prior(anchor: int, sigma: float) -> gtsam.BetweenFactorDouble:
+    """Ties the offset of an anchor's links to the common one."""
+    noise = gtsam.noiseModel.Isotropic.Sigma(1, sigma)
+    return gtsam.BetweenFactorDouble(OFFSET_KEY, D(anchor), 0.0, noise)
+
+
+def linear_factor(
+    jacobians: dict[int, FloatArray], right: float, at: gtsam.Values
+) -> gtsam.LinearContainerFactor:
+    """``0.5 (sum of J delta - right)^2`` about the values `at`; three keys, whitened."""
+    unit = gtsam.noiseModel.Unit.Create(1)
+    blocks = [part for key, block in jacobians.items() for part in (key, block)]
+    return gtsam.LinearContainerFactor(gtsam.JacobianFactor(*blocks, np.array([right]), unit), at)
+
+
 def slant_range_factor(
     station: int, anchor: int, measured: float, sigma: float, lever: FloatArray, rise: float
 ) -> gtsam.CustomFactor:
-    """Slant range from a station's tag to an anchor, with the common offset.
+    """Slant range from a station's tag to an anchor, with the offset of the anchor's links.
 
     Predicted is ``|anchor - (station + R lever), rise| + offset``: exact also near and below the
     anchor, where a range projected to the floor is wrong or does not exist.
@@ -129,7 +149,7 @@ def slant_range_factor(
         lever: (2,) the tag in the scanner's frame, m.
         rise: anchor's height minus the tag's, m.
     """
-    pose_key, point_key = X(station), L(anchor)
+    pose_key, point_key, offset_key = X(station), L(anchor), D(anchor)
     lever_x, lever_y = float(lever[0]), float(lever[1])
 
     def error(
@@ -148,10 +168,10 @@ def slant_range_factor(
             jacobians[0] = np.array([[-along, -across, turn]])
             jacobians[1] = np.array([[u, v]])
             jacobians[2] = np.array([[1.0]])
-        return np.array([slant + values.atDouble(OFFSET_KEY) - measured])
+        return np.array([slant + values.atDouble(offset_key) - measured])
 
     noise = gtsam.noiseModel.Isotropic.Sigma(1, sigma)
-    return gtsam.CustomFactor(noise, [pose_key, point_key, OFFSET_KEY], error)
+    return gtsam.CustomFactor(noise, [pose_key, point_key, offset_key], error)
 
 
 def anchor_range_factor(

@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..model.geometry import Vector2
+from ..model.link_law import LinkModel
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
 from ..model.solution import Status
 from ..model.survey import Anchor, AnchorId, RangeOffset, StationId
 from .frame import Start
-from .initial import find_height, find_point
+from .initial import Search, find_height, find_point
+from .range_fit import OffsetPrior
 from .ranges import Levers, anchor_sightings, range_prior, station_sightings
 from .sightings import Finding, Sightings
 from .variables import Variables
@@ -79,12 +81,17 @@ class Found:
 
 
 def find_points(
-    scene: Scene, present: Variables, links: tuple[LinkMeasurement, ...], before: Found
+    scene: Scene,
+    model: LinkModel,
+    present: Variables,
+    links: tuple[LinkMeasurement, ...],
+    before: Found,
 ) -> Found:
     """Look for every anchor from the placed stations, for every lost tag from the sure anchors.
 
     Args:
         scene: problem and frame.
+        model: of the errors of the links.
         present: poses and anchors of the last solution.
         links: usable ones.
         before: what was found in the round before.
@@ -92,6 +99,7 @@ def find_points(
     # The offset is taken from the solution, but as loosely as before it: the solution has seen the
     # very ranges that are judged here.
     offset = RangeOffset(present.offset, scene.prior.sigma)
+    search = Search(model, OffsetPrior(offset, model.anchor_sigma), scene.settings)
     heights = before.heights()
     sure = {
         name: place
@@ -102,29 +110,27 @@ def find_points(
     anchors = {}
     for anchor in scene.problem.anchors:
         seen = anchor_sightings(scene.problem, links, anchor.id, tags, sure, heights)
-        anchors[anchor.id] = _find_anchor(scene, anchor, seen, offset, before)
+        anchors[anchor.id] = _find_anchor(scene, anchor, seen, search, before)
     stations = {}
     for station in scene.problem.stations:
         if station.scan is None and station.id not in scene.start.poses:
             seen = station_sightings(links, station.id, sure, heights)
             same = _same_view(before.stations.get(station.id), seen)
-            stations[station.id] = find_point(
-                seen, station.tag_height, offset, scene.settings, same
-            )
+            stations[station.id] = find_point(seen, station.tag_height, search, same)
     return Found(anchors, stations)
 
 
 def _find_anchor(
-    scene: Scene, anchor: Anchor, seen: Sightings, offset: RangeOffset, before: Found
+    scene: Scene, anchor: Anchor, seen: Sightings, search: Search, before: Found
 ) -> Finding:
     count = len(seen.points)
     known = scene.known_place(anchor)
     if known is None:
         same = _same_view(before.anchors.get(anchor.id), seen)
-        return find_point(seen, anchor.height, offset, scene.settings, same)
+        return find_point(seen, anchor.height, search, same)
     if anchor.height is not None or count < scene.settings.min_stations:
         return Finding(Status.OK, known, anchor.height, count)
-    height = find_height(seen, offset, scene.settings)
+    height = find_height(seen, search)
     return Finding(Status.WEAK_GEOMETRY, known, height, count)
 
 

@@ -1,8 +1,9 @@
 """One iSAM2 problem, solved by passes: look at the residuals outside, feed Gaussian factors, repeat.
 
-A pass replaces each range factor by the Gaussian that touches its loss at the best estimate so far:
+A pass replaces each range factor by the Gaussian that touches its cost at the best estimate so far:
 same slope, a curvature that is never negative. Where a pass made the total cost worse, the next one
-uses the larger curvature of re-weighted least squares and a shorter leash.
+uses the curvature of line of sight, which no cost exceeds (every density is a Gaussian convolved with
+something: the step is that of expectation-maximisation), and a shorter leash.
 """
 
 from __future__ import annotations
@@ -18,12 +19,8 @@ from ..model.errors import SolverError
 from ..model.geometry import FloatArray
 from ..model.settings import GraphSettings
 from . import factors
-from .losses import one_sided_cost, one_sided_curvature, one_sided_weight
-from .ranges import RangeTable
+from .ranges import RangeTable, WeighedRanges
 from .variables import Indices, Variables, from_values, movement, to_values
-
-CURVATURE_FLOOR = 0.25
-"""Least curvature as a share of re-weighting's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,48 +32,49 @@ class Optimum:
     values: gtsam.Values
     passes: int
     cost: float
-    """Negative log likelihood: half the squared whitened residuals, the losses for the ranges."""
+    """Negative log likelihood: half the squared whitened residuals, the density's for the ranges."""
 
 
 def solve_by_passes(
     fixed: gtsam.NonlinearFactorGraph,
-    table: RangeTable,
+    ranges: WeighedRanges,
     start: Variables,
     indices: Indices,
     settings: GraphSettings,
 ) -> Optimum:
-    """Minimum of the fixed factors and the one-sided range costs.
+    """Minimum of the fixed factors and the costs of the ranges.
 
     Args:
         fixed: matches and priors.
-        table: the ranges.
+        ranges: with the density of their errors.
         start: where to start.
         indices: of the problem.
-        settings: passes, tolerance, scale of the loss.
+        settings: passes and tolerance.
 
     Raises:
         SolverError: a variable is not determined, or something is not finite.
     """
+    table = ranges.table
     isam = gtsam.ISAM2(_isam_parameters())
     values = to_values(start, indices, with_offset=len(table.measured) > 0)
-    best, best_cost = start, _cost(fixed, table, start, values, settings)
+    best, best_values, best_cost = start, values, _cost(fixed, ranges, start, values)
     trust, worse, slots = factors.WEAK_PLACE_SIGMA, True, list[int]()
     for passes in range(1, settings.max_passes + 1):
-        fed = feed_ranges(table, best, indices, settings, safe=worse)
+        fed = feed_ranges(ranges, best, best_values, indices, safe=worse)
         fed += _leashes(best, indices, table, trust)
         new = gtsam.NonlinearFactorGraph(fixed) if passes == 1 else gtsam.NonlinearFactorGraph()
         slots = _exchange(isam, slots, new, fed, values if passes == 1 else None, indices)
         estimate = isam.calculateEstimate()
         present = from_values(estimate, start, indices)
-        cost, moved = _cost(fixed, table, present, estimate, settings), movement(best, present)
-        worse = cost > best_cost + 1e-12 * (1.0 + best_cost)
+        cost, moved = _cost(fixed, ranges, present, estimate), movement(best, present)
+        worse = cost > best_cost + 1e-12 * (1.0 + abs(best_cost))
         if not worse:
-            best, best_cost = present, cost
+            best, best_values, best_cost = present, estimate, cost
         # On a short leash a small step says nothing.
         if moved < settings.tolerance_m and (worse or trust >= 0.1):
             break
         trust = min(1.0, trust) / 3.0 if worse else min(factors.WEAK_PLACE_SIGMA, 2.0 * trust)
-    return _finish(fixed, table, best, indices, settings, passes)
+    return _finish(fixed, ranges, best, indices, passes)
 
 
 def _leashes(
@@ -99,32 +97,61 @@ def _leashes(
 
 
 def feed_ranges(
-    table: RangeTable, present: Variables, indices: Indices, settings: GraphSettings, safe: bool
+    ranges: WeighedRanges, present: Variables, at: gtsam.Values, indices: Indices, safe: bool
 ) -> list[gtsam.NonlinearFactor]:
-    """One Gaussian factor a range that touches its loss at the present estimate.
+    """One linear factor a range that touches its cost at the present estimate.
 
-    With slope g and curvature c of the loss, the factor measures predicted + offset + g / c with
-    sigma 1 / sqrt(c); with c of re-weighting (`safe`) that is the measured range itself.
+    Args:
+        ranges: with the density of their errors.
+        present: the estimate.
+        at: the same for GTSAM.
+        indices: of the problem.
+        safe: with a curvature that the cost nowhere exceeds.
     """
-    residuals = table.residuals(present)
-    weights = one_sided_weight(residuals, table.sigmas, settings.nlos_scale)
-    curvatures = weights
-    if not safe:
-        exact = one_sided_curvature(residuals, table.sigmas, settings.nlos_scale)
-        curvatures = np.maximum(exact, CURVATURE_FLOOR * weights)
-    measured = table.measured - residuals * (1.0 - weights / curvatures)
-    sigmas = table.sigmas / np.sqrt(curvatures)
-    station_count = len(table.stations)
-    return [
-        _range_factor(table, indices, row, station_count, measured=float(m), sigma=float(s))
-        for row, (m, s) in enumerate(zip(measured, sigmas, strict=True))
-    ]
+    table = ranges.table
+    _, slopes, curvatures = ranges.touching(present, safe)
+    roots = np.sqrt(curvatures)
+    directions = table.directions(present) * roots[:, None]
+    fed = []
+    for row, (root, slope) in enumerate(zip(roots, slopes, strict=True)):
+        second = directions[row : row + 1]
+        # d(pose) in the station's own axes: the direction turned, and the lever's arm.
+        keys, first = _first_end(table, row, present, indices, second)
+        keys[_second_key(table, row, indices)] = second
+        keys[first] = np.array([[root]])
+        fed.append(factors.linear_factor(keys, float(slope / root), at))
+    return fed
+
+
+def _first_end(
+    table: RangeTable, row: int, present: Variables, indices: Indices, direction: FloatArray
+) -> tuple[dict[int, FloatArray], int]:
+    """The derivative by a range's first end, and the key of the offset that goes with it."""
+    first, station_count = int(table.first[row]), len(table.stations)
+    if first >= station_count:
+        other = indices.anchors[table.anchors[first - station_count]]
+        return {factors.L(other): -direction}, factors.OFFSET_KEY
+    name = table.stations[first]
+    along, across = direction[0] @ present.poses[name].rotation
+    lever_x, lever_y = table.levers[first]
+    block = np.array([[-along, -across, along * lever_y - across * lever_x]])
+    anchor = indices.anchors[table.anchors[int(table.second[row]) - station_count]]
+    return {factors.X(indices.stations[name]): block}, factors.D(anchor)
+
+
+def _second_key(table: RangeTable, row: int, indices: Indices) -> int:
+    return factors.L(indices.anchors[table.anchors[int(table.second[row]) - len(table.stations)]])
 
 
 def _range_factor(
-    table: RangeTable, indices: Indices, row: int, station_count: int, measured: float, sigma: float
+    table: RangeTable, indices: Indices, row: int, measured: float, sigma: float
 ) -> gtsam.CustomFactor:
-    first, second = int(table.first[row]), int(table.second[row])
+    """The range itself, exact wherever its ends are."""
+    first, second, station_count = (
+        int(table.first[row]),
+        int(table.second[row]),
+        len(table.stations),
+    )
     rise = float(table.rises[row])
     anchor = indices.anchors[table.anchors[second - station_count]]
     if first >= station_count:
@@ -171,7 +198,7 @@ def _exchange(
 
 def solver_error(error: RuntimeError, indices: Indices) -> SolverError:
     """GTSAM's complaint in the words of the survey."""
-    symbol = re.search(r"Symbol: ([xlb]\d+)", str(error))
+    symbol = re.search(r"Symbol: ([xlbd]\d+)", str(error))
     if "Indeterminate" in str(error) and symbol:
         name = indices.name(symbol[1])
         return SolverError(f"the measurements do not determine {name}")
@@ -180,19 +207,23 @@ def solver_error(error: RuntimeError, indices: Indices) -> SolverError:
 
 def _finish(
     fixed: gtsam.NonlinearFactorGraph,
-    table: RangeTable,
+    ranges: WeighedRanges,
     best: Variables,
     indices: Indices,
-    settings: GraphSettings,
     passes: int,
 ) -> Optimum:
-    """The graph whose factors touch all losses at the optimum."""
+    """The graph whose factors touch all costs at the optimum, the ranges as exact factors."""
+    table = ranges.table
     graph = gtsam.NonlinearFactorGraph(fixed)
-    fed = feed_ranges(table, best, indices, settings, safe=False)
-    for factor in fed + _leashes(best, indices, table, factors.WEAK_PLACE_SIGMA):
-        graph.push_back(factor)
+    residuals, slopes, curvatures = ranges.touching(best, safe=False)
+    measured = table.measured - residuals + slopes / curvatures
+    sigmas = 1.0 / np.sqrt(curvatures)
+    for row, (m, sigma) in enumerate(zip(measured, sigmas, strict=True)):
+        graph.push_back(_range_factor(table, indices, row, float(m), float(sigma)))
+    for leash in _leashes(best, indices, table, factors.WEAK_PLACE_SIGMA):
+        graph.push_back(leash)
     values = to_values(best, indices, with_offset=len(table.measured) > 0)
-    return Optimum(best, graph, values, passes, _cost(fixed, table, best, values, settings))
+    return Optimum(best, graph, values, passes, _cost(fixed, ranges, best, values))
 
 
 def batch_gap(optimum: Optimum, indices: Indices) -> float:
@@ -225,15 +256,13 @@ def dense_covariance(optimum: Optimum, keys: list[int]) -> FloatArray:
 
 def _cost(
     fixed: gtsam.NonlinearFactorGraph,
-    table: RangeTable,
+    ranges: WeighedRanges,
     variables: Variables,
     values: gtsam.Values,
-    settings: GraphSettings,
 ) -> float:
     """Negative log likelihood of the fixed factors and the ranges."""
-    residuals = table.residuals(variables)
-    ranges = one_sided_cost(residuals, table.sigmas, settings.nlos_scale).sum()
-    cost = float(fixed.error(values) + ranges)
+    costs = ranges.density.costs(ranges.table.residuals(variables))
+    cost = float(fixed.error(values) + costs.sum())
     # GTSAM returns its start without complaint where a measurement is not a number.
     if not math.isfinite(cost):
         raise SolverError("the cost is not finite: a match, range or prior is not a number")

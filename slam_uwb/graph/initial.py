@@ -1,21 +1,22 @@
 """Where a point that only ranges see can be: global search, several minima, mirror images.
 
 Least squares is no start at 60 % long ranges, and an anchor seen from stations in line has a twin.
-So the one-sided cost is searched on a grid, every minimum is refined, and a point is placed only where
-no other minimum explains its ranges nearly as well. Tags are found from anchors by the same code.
+So the cost is searched on a grid, without the map; every minimum is refined with the walls that the map
+shows on its own paths; and a point is placed only where no other minimum explains its ranges nearly as
+well. Tags are found from anchors by the same code.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..model.geometry import FloatArray, Points, Vector2
+from ..model.link_law import LinkModel
 from ..model.settings import GraphSettings
-from ..model.solution import Status
-from ..model.survey import RangeOffset
-from .losses import one_sided_cost, one_sided_weight
+from ..model.solution import Alternative, Status
+from .range_fit import LEAST_CURVATURE, OffsetPrior, fit_ranges
 from .sightings import (
     Finding,
     Sightings,
@@ -28,198 +29,221 @@ from .sightings import (
 
 MAX_CELLS = 40_000
 """The grid becomes coarser on larger sites; minima are wider than its step by far."""
-MAX_STARTS = 12
+MAX_STARTS = 6
 """Minima of the grid that are refined; more than four never mattered."""
 MARGIN = 3.0
 """m searched beyond the outermost stations at least."""
-TOO_SHORT = 5.0
-"""Sigmas. Walls make ranges longer; one that is shorter than this is a fault, or the place is."""
+FAULTY = 0.5
+"""A range is taken for a fault where that is likelier than not."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Search:
+    """What the ranges are judged by while points are sought."""
+
+    model: LinkModel
+    prior: OffsetPrior
+    settings: GraphSettings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Where a point is sought."""
+
+    cells: FloatArray
+    """(H, W, 2) m."""
+    costs: FloatArray
+    """(H, W, N) of each range."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """A point that was moved between two sightings."""
+
+    split: int
+    """So many ranges were taken before."""
+    places: Points
+    """(2, 2) m, before and after."""
 
 
 def find_point(
-    sightings: Sightings,
-    height: float | None,
-    offset: RangeOffset,
-    settings: GraphSettings,
-    before: Finding | None = None,
+    sightings: Sightings, height: float | None, search: Search, before: Finding | None = None
 ) -> Finding:
     """Place one point by its ranges alone, or say why not.
 
     Args:
         sightings: from where it is seen.
         height: its height, m; None where nobody measured it: then it is sought too.
-        offset: what is known of the offset common to all ranges.
-        settings: limits.
+        search: what the ranges are judged by.
         before: what was found from about here; only its minima are looked at again.
     """
-    count = len(sightings.points)
+    count, settings = len(sightings.points), search.settings
     if count < settings.min_stations:
         return Finding(Status.UNREACHABLE, height=height, sightings=count)
     sought = height if before is None or height is not None else before.height
     if sought is None:
-        sought = find_height(sightings, offset, settings)
+        sought = find_height(sightings, search)
+    if before is not None and before.note is not None:
+        return before
+    turn: Turn | None = None
     starts = None if before is None else before.candidates
     if starts is None:
-        starts = _grid_minima(sightings, sought, offset.mean, settings)
-    places, costs = _separate_minima(starts, sightings, sought, offset, settings)
+        grid = _search_grid(sightings, sought, search)
+        starts, turn = _grid_minima(grid), _grid_turn(grid, settings)
+    places, offsets, costs = _separate_minima(starts, sightings, sought, search)
     found = Finding(Status.OK, places[0], sought, count, candidates=places)
+    if turn and (others := _moved(turn, float(costs[0]), sightings, sought, search)):
+        note = "its ranges fit two places in turn: moved between stations?"
+        return replace(found, status=Status.AMBIGUOUS, place=None, alternatives=others, note=note)
     if others := equal_places(places, costs, settings.mirror_cost_gap):
         return replace(found, status=Status.MIRROR_AMBIGUOUS, place=None, alternatives=others)
     if height is None:
-        extra = height_covariance(places[0], sought, sightings, settings)
+        extra = height_covariance(places[0], sought, sightings)
         return replace(found, status=Status.WEAK_GEOMETRY, extra=extra)
     in_line = spread_ratio(sightings.points) < settings.min_singular_ratio
-    if in_line or not _is_supported(places[0], sightings, sought, offset, settings):
+    if in_line or not _is_supported(places[0], offsets[0], sightings, sought, search):
         return replace(found, status=Status.WEAK_GEOMETRY)
     return found
 
 
 def _is_supported(
-    place: Vector2,
-    sightings: Sightings,
-    height: float,
-    offset: RangeOffset,
-    settings: GraphSettings,
+    place: Vector2, offset: float, sightings: Sightings, height: float, search: Search
 ) -> bool:
-    """Whether enough ranges agree with a place, and none is impossibly short for it."""
-    residuals = sightings.residuals(place[None, :], height, offset.mean)[0]
-    weights = one_sided_weight(residuals, sightings.sigmas, settings.nlos_scale)
-    # Two ranges meet somewhere whatever they are: half of a third one at least has to agree.
-    enough = float(weights.sum()) >= settings.min_stations - 0.5
-    return enough and bool((residuals > -TOO_SHORT * sightings.sigmas).all())
+    """Whether enough ranges, and most of them, agree with a place."""
+    view = sightings.times(1, height)
+    residuals, _ = view.residuals(place[None, :], np.array([offset]))
+    labels = search.model.labels(view.points, place)
+    _, faults = search.model.density(labels, view.sigmas).posterior(residuals)
+    sound = int((faults < FAULTY).sum())
+    # Two ranges meet somewhere whatever they are.
+    return sound >= search.settings.min_stations and 2 * sound > len(sightings.points)
+
+
+def _moved(
+    turn: Turn, single: float, sightings: Sightings, height: float, search: Search
+) -> tuple[Alternative, ...]:
+    """The two places of a point that was moved between sightings; nothing where one place will do.
+
+    Args:
+        turn: where and when, by the grid.
+        single: cost of the best single place.
+        sightings: in the order in which they were made.
+        height: of the point, m.
+        search: what the ranges are judged by.
+    """
+    halves = sightings.part(slice(None, turn.split)), sightings.part(slice(turn.split, None))
+    places, cost = np.zeros((2, 2)), 0.0
+    for k, half in enumerate(halves):
+        rough, _, _ = refine_places(turn.places[k : k + 1], half, height, search, labelled=False)
+        fine, _, costs = refine_places(rough, half, height, search)
+        places[k], cost = fine[0], cost + float(costs[0])
+    print("gain", single - cost, turn.split, places.tolist()) if __import__("os").environ.get("DBG") else None
+    apart = float(np.hypot(*(places[1] - places[0])))
+    if apart < search.settings.twin_distance_m or single - cost < search.settings.moved_cost_gap:
+        return ()
+    share = turn.split / len(sightings.points)
+    return tuple(
+        Alternative(float(x), float(y), None, weight)
+        for (x, y), weight in zip(places, (share, 1.0 - share), strict=True)
+    )
 
 
 def refine_places(
-    starts: Points,
-    sightings: Sightings,
-    height: float,
-    offset: RangeOffset,
-    scale: float,
-    iterations: int = 60,
-) -> tuple[Points, FloatArray]:
-    """Nearest minimum of the one-sided cost to each start, with the offset as nuisance.
-
-    Levenberg-Marquardt on iteratively re-weighted least squares, all starts at once.
+    starts: Points, sightings: Sightings, height: float, search: Search, labelled: bool = True
+) -> tuple[Points, FloatArray, FloatArray]:
+    """Nearest minimum of the cost to each start, with the offset as nuisance.
 
     Args:
         starts: (K, 2) m.
         sightings: N distances.
         height: of the sought point, m.
-        offset: prior of the offset.
-        scale: of the loss, sigmas.
-        iterations: at most.
+        search: what the ranges are judged by.
+        labelled: whether the map is asked for the walls on the paths to each start.
 
     Returns:
-        (K, 2) places and (K,) costs (negative log likelihood, the offset's prior included).
+        (K, 2) places, (K,) offsets and (K,) costs (negative log posterior).
     """
-    unknowns = np.column_stack([starts, np.full(len(starts), offset.mean)])
-    damping = np.full(len(starts), 1e-3)
-    costs = _cost(unknowns, sightings, height, offset, scale)
-    for _ in range(iterations):
-        steps = _steps(unknowns, damping, sightings, height, offset, scale)
-        trial_costs = _cost(unknowns + steps, sightings, height, offset, scale)
-        better = trial_costs <= costs
-        unknowns = np.where(better[:, None], unknowns + steps, unknowns)
-        costs = np.where(better, trial_costs, costs)
-        damping = np.clip(np.where(better, damping * 0.2, damping * 10.0), 1e-9, 1e9)
-        if np.abs(steps).max() < 1e-7:
-            break
-    return unknowns[:, :2], costs
+    model, view = search.model, sightings.times(len(starts), height)
+    labels = (
+        model.labels(view.points, starts[:, None, :])
+        if labelled
+        else model.unlabelled(*view.distances.shape)
+    )
+    density = model.density(labels, view.sigmas)
+    floor = LEAST_CURVATURE / model.sight_sigma**2
+    fit = fit_ranges(view, density, search.prior, starts, floor, coupled=False)
+    return fit.places, fit.offsets, fit.costs
 
 
-def _steps(
-    unknowns: FloatArray,
-    damping: FloatArray,
-    sightings: Sightings,
-    height: float,
-    offset: RangeOffset,
-    scale: float,
-) -> FloatArray:
-    """(K, 3) damped Gauss-Newton steps of x, y and offset."""
-    residuals, directions = _linearise(unknowns, sightings, height)
-    weights = one_sided_weight(residuals, sightings.sigmas, scale) / sightings.sigmas**2
-    hessian = np.einsum("kn,kni,knj->kij", weights, directions, directions)
-    gradient = np.einsum("kn,kni,kn->ki", weights, directions, residuals)
-    hessian[:, 2, 2] += offset.sigma**-2
-    gradient[:, 2] += (offset.mean - unknowns[:, 2]) / offset.sigma**2
-    diagonal = np.einsum("kii->ki", hessian)
-    # A floor (of one range of 10 m) keeps a place straight below every station from being singular.
-    diagonal += damping[:, None] * diagonal + 1e-2
-    return np.linalg.solve(hessian, gradient[..., None])[..., 0]
-
-
-def _linearise(
-    unknowns: FloatArray, sightings: Sightings, height: float
-) -> tuple[FloatArray, FloatArray]:
-    """(K, N) residuals and (K, N, 3) derivatives of the prediction by x, y and offset."""
-    delta = unknowns[:, None, :2] - sightings.points
-    rise = (height - sightings.heights)[None, :]
-    slant = np.sqrt((delta**2).sum(axis=2) + rise**2)
-    directions = np.ones((*slant.shape, 3))
-    directions[..., :2] = delta / np.maximum(slant, 1e-9)[..., None]
-    return sightings.distances - slant - unknowns[:, 2, None], directions
-
-
-def _cost(
-    unknowns: FloatArray,
-    sightings: Sightings,
-    height: float,
-    offset: RangeOffset,
-    scale: float,
-) -> FloatArray:
-    residuals = sightings.residuals(unknowns[:, :2], height, 0.0) - unknowns[:, 2, None]
-    prior = 0.5 * ((unknowns[:, 2] - offset.mean) / offset.sigma) ** 2
-    return np.asarray(one_sided_cost(residuals, sightings.sigmas, scale).sum(axis=1) + prior)
-
-
-def _grid_minima(
-    sightings: Sightings, height: float, offset: float, settings: GraphSettings
-) -> Points:
-    """(K, 2) cells that cost less than their eight neighbours, the cheapest first."""
+def _search_grid(sightings: Sightings, height: float, search: Search) -> Grid:
+    """Costs of all ranges, without the map, wherever the point may be."""
     # Further out than the second smallest range, two ranges at least would be too short, which
     # walls cannot do. (The smallest alone may be a fault of the device.)
     margin = max(MARGIN, float(np.partition(sightings.distances, 1)[1]))
     low = sightings.points.min(axis=0) - margin
     size = np.ptp(sightings.points, axis=0) + 2.0 * margin
-    step = max(settings.search_step_m, float(np.sqrt(size.prod() / MAX_CELLS)))
+    step = max(search.settings.search_step_m, float(np.sqrt(size.prod() / MAX_CELLS)))
     x, y = (low[axis] + step * np.arange(int(size[axis] / step) + 2) for axis in (0, 1))
     cells = np.stack(np.meshgrid(x, y), axis=-1)
+    offset = search.prior.common.mean
     residuals = sightings.residuals(cells.reshape(-1, 2), height, offset)
-    costs = one_sided_cost(residuals, sightings.sigmas, settings.nlos_scale).sum(axis=1)
-    padded = np.pad(costs.reshape(len(y), len(x)), 1, constant_values=np.inf)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
-    lowest = windows.min(axis=(2, 3)) == padded[1:-1, 1:-1]
-    minima = cells[lowest]
-    cheapest = np.argsort(costs.reshape(lowest.shape)[lowest], kind="stable")[:MAX_STARTS]
-    return np.asarray(minima[cheapest])
+    unlabelled = search.model.unlabelled(len(sightings.points))
+    costs = search.model.density(unlabelled, sightings.sigmas).costs(residuals)
+    return Grid(cells, costs.reshape(*cells.shape[:2], -1))
+
+
+def _grid_minima(grid: Grid) -> Points:
+    """(K, 2) cells that cost less than their eight neighbours, the cheapest first."""
+    costs = grid.costs.sum(axis=2)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(costs, 1, constant_values=np.inf), (3, 3)
+    )
+    lowest = windows.min(axis=(2, 3)) == costs
+    cheapest = np.argsort(costs[lowest], kind="stable")[:MAX_STARTS]
+    return np.asarray(grid.cells[lowest][cheapest])
+
+
+def _grid_turn(grid: Grid, settings: GraphSettings) -> Turn | None:
+    """When a point was moved, and its cells before and after, if the grid speaks for it at all."""
+    count, least = grid.costs.shape[2], settings.min_stations
+    if count < 2 * least:
+        return None
+    before = np.cumsum(grid.costs.reshape(-1, count), axis=1)
+    after = before[:, -1:] - before
+    splits = np.arange(least, count - least + 1)
+    parts = before[:, splits - 1].min(axis=0) + after[:, splits - 1].min(axis=0)
+    split = int(splits[np.argmin(parts)])
+    # Cells are coarse, which costs two places more than one: the last word is with refined places.
+    if before[:, -1].min() - parts.min() < settings.moved_cost_gap / 5.0:
+        return None
+    cells = grid.cells.reshape(-1, 2)
+    best = [cells[np.argmin(side[:, split - 1])] for side in (before, after)]
+    return Turn(split, np.array(best))
 
 
 def _separate_minima(
-    starts: Points,
-    sightings: Sightings,
-    height: float,
-    offset: RangeOffset,
-    settings: GraphSettings,
-) -> tuple[Points, FloatArray]:
-    """Refined minima further than `twin_distance_m` apart, the best first, with their costs."""
-    places, costs = refine_places(starts, sightings, height, offset, settings.nlos_scale)
-    twin = mirror_image(places[[np.argmin(costs)]], sightings.points)
-    twin, twin_cost = refine_places(twin, sightings, height, offset, settings.nlos_scale)
-    places, costs = np.vstack([places, twin]), np.append(costs, twin_cost)
+    starts: Points, sightings: Sightings, height: float, search: Search
+) -> tuple[Points, FloatArray, FloatArray]:
+    """Refined minima further than `twin_distance_m` apart, the best first: places, offsets, costs."""
+    rough, _, rough_costs = refine_places(starts, sightings, height, search, labelled=False)
+    twin = mirror_image(rough[[np.argmin(rough_costs)]], sightings.points)
+    places = np.vstack([rough, twin])
+    # Labels are those of where a place was: once more with those of where it went.
+    for _ in range(2):
+        places, offsets, costs = refine_places(places, sightings, height, search)
     kept: list[int] = []
     for index in np.argsort(costs, kind="stable"):
         gaps = np.linalg.norm(places[kept] - places[index], axis=1)
-        if not (gaps <= settings.twin_distance_m).any():
+        if not (gaps <= search.settings.twin_distance_m).any():
             kept.append(int(index))
-    return places[kept], costs[kept]
+    return places[kept], offsets[kept], costs[kept]
 
 
-def find_height(sightings: Sightings, offset: RangeOffset, settings: GraphSettings) -> float:
+def find_height(sightings: Sightings, search: Search) -> float:
     """Height that explains the ranges best, m."""
 
     def cost(height: float) -> float:
-        starts = _grid_minima(sightings, height, offset.mean, settings)
-        scale = settings.nlos_scale
-        return float(refine_places(starts, sightings, height, offset, scale, 20)[1].min())
+        starts = _grid_minima(_search_grid(sightings, height, search))
+        return float(refine_places(starts, sightings, height, search, labelled=False)[2].min())
 
     return float(min(height_candidates(sightings), key=cost))

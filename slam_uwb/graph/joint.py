@@ -6,65 +6,99 @@ together (`incremental`). They end when solving no longer changes what is found.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
 
-from ..model.geometry import Pose2
+from ..model.errors import SolverError
+from ..model.geometry import FloatArray, Pose2
+from ..model.link_law import LinkModel
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
 from ..model.solution import Bias, GraphEstimate, SolverChecks, Status
-from ..model.survey import RangeOffset
 from . import factors
 from .estimate import Solved, build_estimate, joint_order
 from .find import Found, Scene, find_points
 from .frame import Start, choose_start, tie_to_site
 from .incremental import Optimum, batch_gap, dense_covariance, solve_by_passes
-from .ranges import build_range_table, usable_links
-from .spread import add_tails
-from .variables import Indices, Variables
+from .learn import learn_links, needs_no_offsets
+from .ranges import build_range_table, usable_links, weigh_ranges
+from .variables import Indices, Variables, movement
+from .verdicts import judge_links
 
-MAX_ROUNDS = 6
-"""Two are the rule; more only where a point jumps between two minima."""
+MAX_ROUNDS = 8
+"""Three or four are the rule; more only where a point jumps between two minima."""
+LEARNING_ROUNDS = 2
+"""Then the link model and the choice between minima stand; only labels still follow the places."""
+STILL = 1e-3
+"""m. Rounds end where no anchor moves further: its labels are then those of where it is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Round:
+    """What one round of finding, learning and solving left."""
+
+    optimum: Optimum
+    found: Found
+    model: LinkModel
+    labels: FloatArray
+    """(R, W) of the ranges that were solved."""
 
 
 def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate:
-    """Solve poses, anchors and offset together (iSAM2, one-sided loss against long ranges).
+    """Solve poses, anchors and offsets together (iSAM2; the density of the link model for the ranges).
 
     Args:
-        problem: matches that hold together, links, known places.
+        problem: matches that hold together, links, known places, a model of the links' errors.
         settings: see `GraphSettings`.
 
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
         SolverError: something is not determined or not finite.
     """
+    if problem.link_model is None:
+        raise SolverError("the joint solver needs a model of the links' errors")
     scene = Scene.of(problem, choose_start(problem), settings)
-    optimum, found = _solve_rounds(scene)
-    site = _site_by_ranges(scene, optimum.variables, found)
+    scene, last = _solve_rounds(scene, problem.link_model)
+    site = _site_by_ranges(scene, last.optimum.variables, last.found)
     if site is not None:
-        scene = Scene.of(problem, site, settings)
-        optimum, found = _solve_rounds(scene)
-    return build_estimate(problem, _deliver(scene, optimum, found), settings)
+        scene, last = _solve_rounds(Scene.of(problem, site, settings), problem.link_model)
+    return build_estimate(problem, _deliver(scene, last), settings)
 
 
-def _solve_rounds(scene: Scene) -> tuple[Optimum, Found]:
-    """Solve and find in turns until both agree."""
+def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
+    """Find, learn and solve in turns until nothing moves; the scene with matches made honest."""
     # Poses by the matches alone first: chained ones are a poor place to look from.
     start = Variables(dict(scene.start.poses), {}, scene.prior.mean)
-    found = Found({}, {})
-    optimum = _solve_once(scene, start, found, ())
-    scene = _with_honest_matches(scene, optimum)
-    optimum = _solve_once(scene, optimum.variables, found, ())
-    for _ in range(MAX_ROUNDS):
-        present = optimum.variables
+    alone = _solve(scene, start, Found({}, {}), model, ())
+    scene = _with_honest_matches(scene, alone.optimum)
+    last = _solve(scene, alone.optimum.variables, alone.found, model, ())
+    last = replace(last, model=model.at(last.optimum.variables.poses))
+    for number in range(MAX_ROUNDS):
+        present = last.optimum.variables
         links = usable_links(scene.problem, present.poses, scene.settings)
-        found = find_points(scene, present, links, found)
-        if found.agrees_with(present, scene.settings.twin_distance_m):
+        model, found = last.model, last.found
+        if number <= LEARNING_ROUNDS:
+            model = learn_links(scene, model, present, found, links)
+            if number == LEARNING_ROUNDS and (
+                without := needs_no_offsets(scene, model, present, found)
+            ):
+                model, prior = without
+                scene = replace(scene, prior=prior)
+            found = find_points(scene, model, present, links, found)
+        last = _solve(scene, _enter(scene, present, found), found, model, links, last.labels)
+        if number > LEARNING_ROUNDS and _is_settled(present, last.optimum.variables):
             break
-        optimum = _solve_once(scene, _enter(scene, present, found), found, links)
-    return optimum, found
+    return scene, last
+
+
+def _is_settled(before: Variables, after: Variables) -> bool:
+    """Whether a round changed nothing that the next one would look at."""
+    same = (
+        before.anchors.keys() == after.anchors.keys() and before.poses.keys() == after.poses.keys()
+    )
+    return same and movement(before, after) < STILL
 
 
 def _with_honest_matches(scene: Scene, optimum: Optimum) -> Scene:
@@ -111,19 +145,33 @@ def _enter(scene: Scene, present: Variables, found: Found) -> Variables:
             poses[station.id] = present.poses[station.id]
         elif finding is not None and finding.place is not None:
             poses[station.id] = Pose2(float(finding.place[0]), float(finding.place[1]), 0.0)
-    return Variables(poses, anchors, present.offset)
+    return Variables(poses, anchors, present.offset, present.delays)
 
 
-def _solve_once(
-    scene: Scene, start: Variables, found: Found, links: tuple[LinkMeasurement, ...]
-) -> Optimum:
+def _solve(
+    scene: Scene,
+    start: Variables,
+    found: Found,
+    model: LinkModel,
+    links: tuple[LinkMeasurement, ...],
+    before: FloatArray | None = None,
+) -> Round:
+    """The optimum near `start`, with labels as of there."""
     lost = frozenset(start.poses.keys() - scene.start.poses.keys())
     table = build_range_table(scene.problem, links, start, found.heights(), scene.levers, lost)
-    fixed = _fixed_factors(scene, start, with_offset=len(table.measured) > 0)
-    return solve_by_passes(fixed, table, start, Indices.of(scene.problem), scene.settings)
+    labels = model.labels(*table.ends(start))
+    # Half-way to the labels of before: a label that depends on the place that it moves must not swing.
+    if before is not None and labels.shape == before.shape:
+        labels = 0.5 * (labels + before)
+    ranges = weigh_ranges(table, labels, model)
+    fixed = _fixed_factors(scene, start, model if len(table.measured) else None)
+    optimum = solve_by_passes(fixed, ranges, start, Indices.of(scene.problem), scene.settings)
+    return Round(optimum, found, model, labels)
 
 
-def _fixed_factors(scene: Scene, start: Variables, with_offset: bool) -> gtsam.NonlinearFactorGraph:
+def _fixed_factors(
+    scene: Scene, start: Variables, model: LinkModel | None
+) -> gtsam.NonlinearFactorGraph:
     """Matches and priors: all that does not depend on how long the ranges are."""
     graph, indices = _match_factors(scene), Indices.of(scene.problem)
     gauge = scene.start.gauge
@@ -144,8 +192,10 @@ def _fixed_factors(scene: Scene, start: Variables, with_offset: bool) -> gtsam.N
             if known is not None and scene.start.in_site:
                 place, key = np.array([known.x, known.y]), indices.anchors[anchor.id]
                 graph.push_back(factors.anchor_prior(key, place, known.sigma))
-    if with_offset:
+    if model is not None:
         graph.push_back(factors.offset_prior(scene.prior))
+        for name in start.anchors:
+            graph.push_back(factors.delay_prior(indices.anchors[name], model.anchor_sigma))
     return graph
 
 
@@ -165,28 +215,40 @@ def _site_by_ranges(scene: Scene, solved: Variables, found: Found) -> Start | No
     return tie_to_site(scene.problem, replace(scene.start, poses=poses), located, anchors)
 
 
-def _deliver(scene: Scene, optimum: Optimum, found: Found) -> Solved:
-    """Covariances, bias and checks of the final linearisation."""
-    problem, indices = scene.problem, Indices.of(scene.problem)
+def _deliver(scene: Scene, last: Round) -> Solved:
+    """Covariances, biases and checks of the final linearisation."""
+    problem, indices, optimum = scene.problem, Indices.of(scene.problem), last.optimum
     stations, anchors = joint_order(problem, optimum.variables)
     keys = [factors.X(indices.stations[name]) for name in stations]
     keys += [factors.L(indices.anchors[name]) for name in anchors]
     size = 3 * len(stations) + 2 * len(anchors)
     has_offset = optimum.values.exists(factors.OFFSET_KEY)
-    covariance = dense_covariance(optimum, keys + [factors.OFFSET_KEY] * has_offset)
+    if has_offset:
+        keys += [factors.OFFSET_KEY, *(factors.D(indices.anchors[name]) for name in anchors)]
+    covariance = dense_covariance(optimum, keys)
+    # Beside the Hessian there are labels that are wrong and tails (joint study, 7).
+    spread = np.ones(len(covariance))
+    spread[3 * len(stations) : size] = np.sqrt(scene.settings.anchor_inflation)
+    covariance *= np.outer(spread, spread)
     biases: tuple[Bias, ...] = ()
     if has_offset:
-        prior = scene.prior
-        offset = RangeOffset(optimum.variables.offset, float(np.sqrt(covariance[size, size])))
-        biases = (Bias("range offset", offset.mean, offset.sigma, prior.mean, prior.sigma),)
-        found = add_tails(scene, optimum.variables, found, covariance, offset)
+        sigma = float(np.sqrt(covariance[size, size]))
+        prior, mean = scene.prior, optimum.variables.offset
+        biases = (Bias("range offset", mean, sigma, prior.mean, prior.sigma),)
     return Solved(
         start=scene.start,
         variables=optimum.variables,
         covariance=covariance[:size, :size],
-        anchors=found.settled(optimum.variables, scene.settings.twin_distance_m),
-        stations=found.stations,
+        anchors=last.found.settled(optimum.variables, scene.settings.twin_distance_m),
+        stations=last.found.stations,
         levers=scene.levers,
         biases=biases,
         checks=SolverChecks(batch_gap(optimum, indices), optimum.passes, optimum.cost),
+        verdicts=judge_links(
+            scene,
+            last.model,
+            optimum.variables,
+            last.found.heights(),
+            usable_links(problem, optimum.variables.poses, scene.settings),
+        ),
     )

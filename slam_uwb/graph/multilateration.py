@@ -63,7 +63,7 @@ def fit_point(
         finding = replace(finding, status=Status.MIRROR_AMBIGUOUS, place=None, alternatives=others)
         return finding, None
     if height is None:
-        extra = height_covariance(best.place, sought, sightings, settings)
+        extra = height_covariance(best.place, sought, sightings)
         finding = replace(finding, status=Status.WEAK_GEOMETRY, extra=extra)
     elif spread_ratio(sightings.points) < settings.min_singular_ratio:
         finding = replace(finding, status=Status.WEAK_GEOMETRY)

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Points, Pose2, Vector2
+from ..model.link_law import LinkDensity, LinkModel
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
 from ..model.survey import AnchorId, RangeOffset, StationId
+from .range_fit import LEAST_CURVATURE
 from .sightings import Sightings
 from .variables import Variables
 
@@ -37,9 +39,12 @@ class Levers:
 
 
 def range_prior(problem: GraphProblem, settings: GraphSettings) -> RangeOffset:
-    """What is known of the common offset: the survey's word, else the prior of uncalibrated radios."""
-    default = RangeOffset(settings.offset_mean_m, settings.offset_sigma_m)
-    return problem.range_offset or default
+    """What is known of the common offset: the survey's word, else the prior of such radios."""
+    if problem.range_offset is not None:
+        return problem.range_offset
+    if settings.radios == "calibrated":
+        return RangeOffset(0.0, settings.calibrated_sigma_m)
+    return RangeOffset(settings.offset_mean_m, settings.offset_sigma_m)
 
 
 def link_reasons(problem: GraphProblem) -> tuple[str | None, ...]:
@@ -140,12 +145,28 @@ class RangeTable:
 
     def residuals(self, variables: Variables) -> FloatArray:
         """(R,) m, measured minus predicted minus offset."""
-        delta = np.diff(self._ends(variables), axis=0)[0]
+        delta = np.diff(self.ends(variables), axis=0)[0]
         slant = np.sqrt((delta**2).sum(axis=1) + self.rises**2)
-        return np.asarray(self.measured - variables.offset - slant)
+        return np.asarray(self.measured - self._offsets(variables) - slant)
 
-    def _ends(self, variables: Variables) -> FloatArray:
-        """(2, R, 2) m."""
+    def directions(self, variables: Variables) -> FloatArray:
+        """(R, 2) derivative of the predicted range by the second point."""
+        delta = np.diff(self.ends(variables), axis=0)[0]
+        slant = np.sqrt((delta**2).sum(axis=1) + self.rises**2)
+        # Straight below the anchor the derivative does not exist; zero is its mean.
+        return np.asarray(delta / np.maximum(slant, 1e-9)[:, None])
+
+    def _offsets(self, variables: Variables) -> FloatArray:
+        """(R,) m: of the anchor's links; between anchors the common one."""
+        own = np.array([variables.offset_of(name) for name in self.anchors])
+        between = self.first >= len(self.stations)
+        of_row = np.append(own, variables.offset)[
+            np.where(between, len(own), self.second - len(self.stations))
+        ]
+        return np.asarray(of_row)
+
+    def ends(self, variables: Variables) -> FloatArray:
+        """(2, R, 2) m, where both points are."""
         poses = np.array([variables.poses[name].vector for name in self.stations]).reshape(-1, 3)
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x, y = self.levers.T
@@ -189,3 +210,32 @@ def build_range_table(
         sigmas=table[:, 3],
         rises=table[:, 4],
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeighedRanges:
+    """The ranges with the density of their errors."""
+
+    table: RangeTable
+    density: LinkDensity
+    """(R,)"""
+    curvature_limits: tuple[float, float]
+    """1/m^2, of a link that counts in full: the least that is let in, and what no cost exceeds."""
+
+    def touching(
+        self, variables: Variables, safe: bool
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(R,) residuals, slopes and curvatures of the Gaussians that touch the costs."""
+        residuals = self.table.residuals(variables)
+        _, slopes, curvatures = self.density.expand(residuals)
+        least, most = self.curvature_limits
+        weights = self.density.weights
+        curvatures = most * weights if safe else np.maximum(curvatures, least * weights)
+        return residuals, slopes, curvatures
+
+
+def weigh_ranges(table: RangeTable, labels: FloatArray, model: LinkModel) -> WeighedRanges:
+    """The table with the density that the model gives for links with these labels (R, W)."""
+    peak = model.sight_sigma**-2
+    density = model.density(labels, table.sigmas)
+    return WeighedRanges(table, density, (LEAST_CURVATURE * peak, peak))

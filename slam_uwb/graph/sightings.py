@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.geometry import FloatArray, Matrix2, Points, Vector2
-from ..model.settings import GraphSettings
 from ..model.solution import Alternative, Status
-from .losses import one_sided_weight
+from .range_fit import RangeView
 
 MAX_HEIGHT = 4.0
 """m. An unmeasured height is sought up to here."""
@@ -36,6 +35,22 @@ class Sightings:
         dy = places[:, None, 1] - self.points[:, 1]
         return self.distances - offset - np.sqrt(dx * dx + dy * dy + (height - self.heights) ** 2)
 
+    def part(self, rows: slice) -> Sightings:
+        """Some of them."""
+        return Sightings(
+            self.points[rows], self.heights[rows], self.distances[rows], self.sigmas[rows]
+        )
+
+    def times(self, count: int, height: float) -> RangeView:
+        """The same view of `count` points at that height."""
+        size = (count, len(self.points))
+        return RangeView(
+            np.broadcast_to(self.points, (*size, 2)),
+            np.broadcast_to(height - self.heights, size),
+            np.broadcast_to(self.distances, size),
+            np.broadcast_to(self.sigmas, size),
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
@@ -52,6 +67,8 @@ class Finding:
     candidates: Points | None = None
     """(K, 2) m, all separate minima, the best first: where to look again."""
     alternatives: tuple[Alternative, ...] = ()
+    note: str | None = None
+    """Why it is not placed, where the status does not say it all."""
 
 
 def spread_ratio(points: Points) -> float:
@@ -94,9 +111,7 @@ def height_candidates(sightings: Sightings) -> FloatArray:
     return np.arange(lowest, max(MAX_HEIGHT, lowest) + 1e-9, HEIGHT_STEP)
 
 
-def height_covariance(
-    place: Vector2, height: float, sightings: Sightings, settings: GraphSettings
-) -> Matrix2:
+def height_covariance(place: Vector2, height: float, sightings: Sightings) -> Matrix2:
     """(2, 2) m^2 by which an estimated height moves the place, to first order."""
     delta = place - sightings.points
     rise = height - sightings.heights
@@ -104,8 +119,9 @@ def height_covariance(
     directions = np.column_stack([delta, rise]) / slant[:, None]
     residuals = sightings.distances - slant
     residuals -= np.median(residuals)
-    weights = one_sided_weight(residuals, sightings.sigmas, settings.nlos_scale)
-    hessian = (directions * (weights / sightings.sigmas**2)[:, None]).T @ directions
+    # Long ranges tell little of the height (weights of a Cauchy loss).
+    variances = sightings.sigmas**2 + residuals**2
+    hessian = (directions / variances[:, None]).T @ directions
     # Anywhere up to the ceiling before the ranges spoke: variance of a uniform distribution.
     hessian += np.diag([1e-4, 1e-4, 12.0 / MAX_HEIGHT**2])
     full, fixed = np.linalg.inv(hessian)[:2, :2], np.linalg.inv(hessian[:2, :2])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
@@ -23,7 +23,13 @@ class Variables:
     anchors: dict[AnchorId, Vector2]
     """(2,) m."""
     offset: float
-    """m."""
+    """m, common to all ranges."""
+    delays: dict[AnchorId, float] = field(default_factory=dict)
+    """m, by which the links of single anchors are longer than that."""
+
+    def offset_of(self, anchor: AnchorId) -> float:
+        """m, offset of an anchor's links."""
+        return self.offset + self.delays.get(anchor, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +52,8 @@ class Indices:
         kind, index = symbol[0], int(symbol[1:])
         if kind == "b":
             return "the range offset"
+        if kind == "d":
+            return f"the delay of anchor {list(self.anchors)[index]}"
         if kind == "x":
             return f"station {list(self.stations)[index]}"
         return f"anchor {list(self.anchors)[index]}"
@@ -60,6 +68,8 @@ def to_values(variables: Variables, indices: Indices, with_offset: bool) -> gtsa
         values.insert(factors.L(indices.anchors[anchor]), np.asarray(place))
     if with_offset:
         values.insert(factors.OFFSET_KEY, variables.offset)
+        for anchor in variables.anchors:
+            values.insert(factors.D(indices.anchors[anchor]), variables.offset_of(anchor))
     return values
 
 
@@ -68,12 +78,14 @@ def from_values(values: gtsam.Values, like: Variables, indices: Indices) -> Vari
     anchors: dict[AnchorId, Vector2] = {
         name: values.atPoint2(factors.L(indices.anchors[name])) for name in like.anchors
     }
-    has_offset = values.exists(factors.OFFSET_KEY)
-    return Variables(
-        {n: factors.from_gtsam(values.atPose2(factors.X(indices.stations[n]))) for n in like.poses},
-        anchors,
-        values.atDouble(factors.OFFSET_KEY) if has_offset else like.offset,
-    )
+    poses = {
+        n: factors.from_gtsam(values.atPose2(factors.X(indices.stations[n]))) for n in like.poses
+    }
+    if not values.exists(factors.OFFSET_KEY):
+        return Variables(poses, anchors, like.offset)
+    offset = values.atDouble(factors.OFFSET_KEY)
+    delays = {n: values.atDouble(factors.D(indices.anchors[n])) - offset for n in anchors}
+    return Variables(poses, anchors, offset, delays)
 
 
 def movement(before: Variables, after: Variables) -> float:

@@ -1,5 +1,6 @@
-"""Scans + poses -> floor map."""
+"""Scans + poses -> floor map and walls."""
 
 from .occupancy import build_floor_map
+from .walls import find_walls
 
-__all__ = ["build_floor_map"]
+__all__ = ["build_floor_map", "find_walls"]

@@ -20,6 +20,7 @@ from ..model.products import PreparedScan
 from ..model.settings import MappingSettings
 from ..model.solution import FloorMap
 from ..model.survey import StationId
+from .ragged import ragged
 
 Cells = NDArray[np.int64]
 """(N, 2) column and row."""
@@ -120,7 +121,7 @@ def wall_samples(scan: PreparedScan, spacing: float) -> Points:
         has_normal, np.minimum(scan.lengths, np.minimum(gaps, np.roll(gaps, 1))), 0.0
     )
     counts = np.maximum(np.ceil(lengths / spacing), 1.0).astype(np.int64)
-    point, place = _ragged(counts)
+    point, place = ragged(counts)
     along = ((place + 0.5) / counts[point] - 0.5) * lengths[point]
     tangents = scan.normals[:, ::-1] * np.array([-1.0, 1.0])
     return np.asarray(scan.points[point] + along[:, None] * tangents[point])
@@ -149,7 +150,7 @@ def cells_passed(start: FloatArray, ends: Points) -> Cells:
 def _entered(starts: Points, ends: Points, axis: int) -> tuple[NDArray[np.int64], Cells]:
     """Lines, all of them going up, and the cells they enter through grid lines across `axis`."""
     first, last = np.floor(starts).astype(np.int64), np.floor(ends).astype(np.int64)
-    line, step = _ragged(last[:, axis] - first[:, axis])
+    line, step = ragged(last[:, axis] - first[:, axis])
     cells = np.empty((len(line), 2), dtype=np.int64)
     cells[:, axis] = first[line, axis] + step + 1
     begin, move = starts[line], (ends - starts)[line]
@@ -158,10 +159,3 @@ def _entered(starts: Points, ends: Points, axis: int) -> tuple[NDArray[np.int64]
     # Rounding at a corner must not lead out of the box that the line spans.
     cells[:, other] = np.clip(np.floor(across), first[line, other], last[line, other])
     return line, cells
-
-
-def _ragged(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For rows of `counts` elements: the row of each element and its place in the row."""
-    row = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return row, place

@@ -6,8 +6,10 @@ station is taken out of the finished block once, and put back wherever its hypot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
@@ -15,11 +17,11 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import STRIDE, Block, Seen, merge_gains, single_block
+from .evidence import STRIDE, Block, Seen, merge_gains, single_block, within_sight
 from .index import ScanIndex
 from .placement import (
     RangeGain,
-    align_blocks,
+    aligned_gains,
     distant,
     merge_candidates,
     touching_stations,
@@ -77,8 +79,9 @@ def _rivals(
     for station, pose in block.poses.items():
         rest, alone = _without(block, station, seen), single_block(station, scans[station])
         others = merge_candidates(rest, alone, touching)
-        places = np.concatenate([pose.vector[None, :], align_blocks(rest, alone, others, scans)])
-        gains = merge_gains(rest, alone, places, scans, settings)
+        others, gains = aligned_gains(rest, alone, others, scans, settings)
+        own = merge_gains(rest, alone, pose.vector[None, :], scans, settings)
+        places, gains = np.vstack([pose.vector, others]), np.concatenate([own, gains])
         allowed = gains >= settings.min_margin_m
         allowed[0] = True
         places, gains = places[allowed], gains[allowed]
@@ -99,12 +102,11 @@ def _seen_by_each(
 ) -> dict[StationId, dict[StationId, Seen]]:
     """What each station of the block (inner key) says of the points of each other (outer key)."""
     seen: dict[StationId, dict[StationId, Seen]] = {station: {} for station in block.poses}
-    for j, block_T_j in block.poses.items():
-        for i, block_T_i in block.poses.items():
-            if i != j:
-                i_T_j = (block_T_i.inverse() @ block_T_j).vector[None, :]
-                said = point_evidence(scans[i], scans[j], i_T_j, settings, STRIDE)
-                seen[j][i] = Seen(said.hit[0], said.hit[0], said.seen_through[0])
+    for j, i in permutations(block.poses, 2):
+        i_T_j = block.poses[i].inverse() @ block.poses[j]
+        if within_sight(scans[i], scans[j], math.hypot(i_T_j.x, i_T_j.y)):
+            said = point_evidence(scans[i], scans[j], i_T_j.vector[None, :], settings, STRIDE)
+            seen[j][i] = Seen(said.hit[0], said.hit[0], said.seen_through[0])
     return seen
 
 
@@ -113,13 +115,24 @@ def _without(
 ) -> Block:
     """The block as if the station had never been there."""
     poses = {other: pose for other, pose in block.poses.items() if other != station}
-    merged = {}
-    for j in poses:
-        said = [values for i, values in seen[j].items() if i != station]
-        nothing = np.zeros(len(seen[j][station].hits))
-        merged[j] = Seen(
-            sum((values.hits for values in said), nothing),
-            np.max([nothing, *(values.best for values in said)], axis=0),
-            sum((values.through for values in said), nothing),
-        )
-    return Block(poses, merged)
+    return Block(
+        poses,
+        {
+            j: _all_but([values for i, values in seen[j].items() if i != station], block.seen[j])
+            if station in seen[j]
+            else block.seen[j]
+            for j in poses
+        },
+    )
+
+
+def _all_but(said: Sequence[Seen], like: Seen) -> Seen:
+    """What the witnesses left say together."""
+    if not said:
+        nothing = np.zeros_like(like.hits)
+        return Seen(nothing, nothing, nothing)
+    return Seen(
+        np.sum([values.hits for values in said], axis=0),
+        np.max([values.best for values in said], axis=0),
+        np.sum([values.through for values in said], axis=0),
+    )

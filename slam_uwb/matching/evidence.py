@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Pose2
 from ..model.settings import MatchingSettings
@@ -63,21 +65,41 @@ def lengths_of(scan: ScanIndex) -> FloatArray:
     return scan.scan.lengths[::STRIDE] * STRIDE
 
 
+Distance = TypeVar("Distance", float, FloatArray)
+
+
+def within_sight(one: ScanIndex, other: ScanIndex, metres: Distance) -> bool | NDArray[np.bool_]:
+    """Whether two stations `metres` apart can see a wall in common."""
+    return metres <= one.reach + other.reach + _NEAR_M
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crossing:
+    """Two stations of two blocks, at the candidates that bring them near enough to see a wall in common."""
+
+    i: StationId
+    """Of the first block."""
+    j: StationId
+    """Of the second."""
+    near: NDArray[np.intp]
+    """(M,) numbers of the candidates."""
+    i_T_j: FloatArray
+    """(M, 3)"""
+    b_T_j: Pose2
+
+
 def crossing(
     a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
-) -> Iterator[tuple[StationId, StationId, FloatArray, Pose2]]:
-    """Stations i of a and j of b with i_T_j (K, 3) at each candidate a_T_b, and b_T_j.
-
-    Stations too far apart to see a wall in common, at every candidate, are left out.
-    """
+) -> Iterator[Crossing]:
+    """Every pair of stations across two blocks, at candidates a_T_b (K, 3)."""
     for j, b_T_j in b.poses.items():
         a_T_j = compose(candidates, np.tile(b_T_j.vector, (len(candidates), 1)))
         for i, a_T_i in a.poses.items():
-            apart = np.hypot(a_T_j[:, 0] - a_T_i.x, a_T_j[:, 1] - a_T_i.y).min()
-            if apart > scans[i].reach + scans[j].reach + _NEAR_M:
-                continue
-            a_T_i_inverse = np.tile(a_T_i.inverse().vector, (len(candidates), 1))
-            yield i, j, compose(a_T_i_inverse, a_T_j), b_T_j
+            apart = np.hypot(a_T_j[:, 0] - a_T_i.x, a_T_j[:, 1] - a_T_i.y)
+            near = np.flatnonzero(within_sight(scans[i], scans[j], apart))
+            if len(near):
+                a_T_i_inverse = np.tile(a_T_i.inverse().vector, (len(near), 1))
+                yield Crossing(i, j, near, compose(a_T_i_inverse, a_T_j[near]), b_T_j)
 
 
 def _cross_seen(
@@ -90,22 +112,31 @@ def _cross_seen(
     """What the scans of each block say of the points of the other's, with arrays (K, N) over the candidates."""
     seen_a = {i: _broadcast(seen, len(candidates)) for i, seen in a.seen.items()}
     seen_b = {j: _broadcast(seen, len(candidates)) for j, seen in b.seen.items()}
-    for i, j, i_T_j, _ in crossing(a, b, candidates, scans):
-        for seen, key, target, source, pose in (
-            (seen_b, j, i, j, i_T_j),
-            (seen_a, i, j, i, invert(i_T_j)),
+    for pair in crossing(a, b, candidates, scans):
+        for seen, witness, pose in (
+            (seen_b[pair.j], (pair.i, pair.j), pair.i_T_j),
+            (seen_a[pair.i], (pair.j, pair.i), invert(pair.i_T_j)),
         ):
-            evidence = point_evidence(scans[target], scans[source], pose, settings, STRIDE)
-            seen[key] = Seen(
-                seen[key].hits + evidence.hit,
-                np.maximum(seen[key].best, evidence.hit),
-                seen[key].through + evidence.seen_through,
-            )
+            target, source = witness
+            said = point_evidence(scans[target], scans[source], pose, settings, STRIDE)
+            seen.hits[pair.near] += said.hit
+            seen.best[pair.near] = np.maximum(seen.best[pair.near], said.hit)
+            seen.through[pair.near] += said.seen_through
     return seen_a, seen_b
 
 
 def _broadcast(seen: Seen, count: int) -> Seen:
     return Seen(*(np.tile(values, (count, 1)) for values in (seen.hits, seen.best, seen.through)))
+
+
+def total_evidence(
+    block: Block, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+) -> float:
+    """Metres of wall in a block's map that hold, minus weighted metres looked through."""
+    return sum(
+        float(evidence_of(seen, lengths_of(scans[station]), settings))
+        for station, seen in block.seen.items()
+    )
 
 
 def merge_gains(
@@ -116,11 +147,7 @@ def merge_gains(
     settings: MatchingSettings,
 ) -> FloatArray:
     """(K,) evidence of the merged map minus that of the two blocks apart."""
-    apart = sum(
-        evidence_of(seen, lengths_of(scans[station]), settings)
-        for block in (a, b)
-        for station, seen in block.seen.items()
-    )
+    apart = total_evidence(a, scans, settings) + total_evidence(b, scans, settings)
     together = sum(
         evidence_of(seen, lengths_of(scans[station]), settings)
         for side in _cross_seen(a, b, candidates, scans, settings)

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
 
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import ScanMatch
@@ -17,6 +21,8 @@ from .refiners import REFINERS
 from .refiners.point_to_line import polish
 from .score import score_matches
 
+_NEARLY = 0.8  # refining may add so much to the overlap
+_FREE_SIGMA = 0.05  # m and rad; a wall holds to centimetres or not at all
 _SAME_BASIN_RAD = 0.1  # a match that turns further has left the placement
 
 Initialiser = Callable[[ScanIndex, ScanIndex, MatchingSettings], FloatArray]
@@ -90,14 +96,19 @@ def rematch_pairs(
     `min_evidence_m` of wall, says nothing. Pairs with less overlap than `min_overlap` are weaker
     than what their neighbours bring: they are used only where no other pair joins their stations.
     """
+    glances = [
+        _Glance(target, source, start, float(scores.confirmed[0]) / scores.total)
+        for target, source in pairs
+        if target in placement and source in placement
+        for start in [placement[target].inverse() @ placement[source]]
+        for scores in [
+            score_matches(scans[target], scans[source], start.vector[None, :], settings, 3)
+        ]
+        if scores.confirmed[0] >= settings.min_evidence_m
+    ]
     matches = []
-    for target, source in pairs:
-        if target not in placement or source not in placement:
-            continue
-        start = placement[target].inverse() @ placement[source]
-        glance = score_matches(scans[target], scans[source], start.vector[None, :], settings, 3)
-        if glance.confirmed[0] < settings.min_evidence_m:
-            continue
+    for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap):
+        target, source, start = glance.target, glance.source, glance.start
         poses, converged = polish(
             scans[target],
             scans[source],
@@ -106,6 +117,7 @@ def rematch_pairs(
             until_still=until_still,
         )
         match = describe_match(scans[target], scans[source], poses[0], 0, settings)
+        match = leave_free_directions(match, start)
         stayed = (
             match.target_T_source.distance_to(start) < settings.fine_gate_m
             and match.target_T_source.angle_to(start) < _SAME_BASIN_RAD
@@ -115,7 +127,33 @@ def rematch_pairs(
     return _strong_or_joining(matches, settings.min_overlap)
 
 
-def _strong_or_joining(matches: Sequence[ScanMatch], min_overlap: float) -> tuple[ScanMatch, ...]:
+@dataclass(frozen=True, slots=True)
+class _Glance:
+    """A pair at the placement, before it is refined."""
+
+    target: StationId
+    source: StationId
+    start: Pose2
+    """target_T_source."""
+    overlap: float
+
+
+def leave_free_directions(match: ScanMatch, start: Pose2) -> ScanMatch:
+    """The match with its pose as at `start` (target_T_source) in the directions that its walls leave free.
+
+    There the refiner follows whatever clutter happens to pair; all the other pairs that made the
+    placement know better (solution remapping, Zhang, Kaess and Singh 2016).
+    """
+    values, axes = np.linalg.eigh(match.covariance)
+    held = axes[:, values < _FREE_SIGMA**2]
+    step = (start.inverse() @ match.target_T_source).vector
+    return replace(match, target_T_source=start @ Pose2.from_vector(held @ (held.T @ step)))
+
+
+_Pair = TypeVar("_Pair", ScanMatch, _Glance)
+
+
+def _strong_or_joining(matches: Sequence[_Pair], min_overlap: float) -> tuple[_Pair, ...]:
     """All matches with enough overlap, and of the others those that join groups, the best first."""
     group: dict[StationId, int] = {}
     used = set()

@@ -8,8 +8,10 @@ apart.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -20,18 +22,36 @@ from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose
-from .evidence import STRIDE, Block, crossing, merge_blocks, merge_gains, single_block
+from .evidence import (
+    STRIDE,
+    Block,
+    crossing,
+    merge_blocks,
+    merge_gains,
+    single_block,
+    total_evidence,
+)
 from .index import ScanIndex
-from .refiners.point_to_line import correspondences, damped_step
+from .refiners.point_to_line import correspondences, damped_step, limited
 
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
 _CANDIDATES = 10
 _ENOUGH_M = 8.0
+_PART_STATIONS = 3  # blocks of fewer stations have not drifted
+_DRIFT_M = 10.0  # evidence that drift may cost; at wrong places it is ten times as much
 
+_HOPELESS_M = 40.0
+_LONGEST_STEP_M = 0.2
+
+_Pair = tuple[int, int]
 
 RangeGain = Callable[[Mapping[StationId, Pose2], Mapping[StationId, Pose2], FloatArray], FloatArray]
 """(a_T_station, b_T_station, candidates a_T_b (K, 3)) -> (K,) log likelihood ratio of the ranges."""
+
+
+Settle = Callable[[Mapping[StationId, Pose2]], dict[StationId, Pose2]]
+"""Moves stations of one frame to where all their pairs agree best: matches, and a pose graph."""
 
 
 def no_ranges(
@@ -54,56 +74,147 @@ class _Merge:
     much as of the same room, and the ranges decide which merge comes first."""
 
 
+BestMerge = Callable[..., _Merge | None]
+"""(a, b, least_gain=...) -> the best way to merge two blocks."""
+
+
+@dataclass(slots=True, eq=False)
+class _Growth:
+    """Blocks and what is known of how to merge them."""
+
+    blocks: dict[int, Block]
+    merges: dict[_Pair, _Merge]
+    """Pairs of blocks that can be merged."""
+    unseen: dict[_Pair, float]
+    """Pairs not looked at since one of them grew, with the priority that its parts had."""
+
+    def replace(self, old: _Pair, new: Block) -> None:
+        """Put a block in place of two; how it merges with others is looked at when that comes first."""
+        number = max(self.blocks) + 1
+        for part in old:
+            del self.blocks[part]
+        known = self.unseen | {pair: merge.priority for pair, merge in self.merges.items()}
+        self.merges = {pair: merge for pair, merge in self.merges.items() if not {*old} & {*pair}}
+        self.unseen = {pair: value for pair, value in self.unseen.items() if not {*old} & {*pair}}
+        for other in self.blocks:
+            parts = [(min(other, part), max(other, part)) for part in old]
+            self.unseen[other, number] = max(known.get(pair, 0.0) for pair in parts)
+        self.blocks[number] = new
+
+
 def place_stations(
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
     *,
     range_gain: RangeGain = no_ranges,
+    settle: Settle = dict,
     progress: Progress = silent,
 ) -> tuple[Block, ...]:
     """Merge stations into blocks that hold together, the largest first.
+
+    The merge with the highest priority comes first. Where none is left, parts of the map that have
+    drifted are given a second look: merged, settled, and kept if the evidence then holds.
 
     Args:
         scans: Every station that has one, in the survey's order.
         hypotheses: All of all pairs.
         settings: `violation_weight` and `min_margin_m` (metres of wall, each counted once).
         range_gain: What the ranges say of a way to merge two blocks, nats.
+        settle: Moves the stations of a block to where all their pairs agree best.
         progress: Told after each merge.
 
     Returns:
         Blocks by number of stations, then in the survey's order; a station that nothing holds is a
         block alone.
     """
-    blocks = {index: single_block(station, scans[station]) for index, station in enumerate(scans)}
-    touching = touching_stations(hypotheses)
-    merges = {pair: _best_merge(blocks[pair[0]], blocks[pair[1]], scans, touching, settings, range_gain)
-              for pair in combinations(blocks, 2)}  # fmt: skip
-    count = len(blocks)
+    singles = {index: single_block(station, scans[station]) for index, station in enumerate(scans)}
+    growth = _Growth(singles, {}, dict.fromkeys(combinations(singles, 2), math.inf))
+    best_merge = partial(
+        _best_merge, scans=scans, touching=touching_stations(hypotheses), settings=settings,
+        range_gain=range_gain,
+    )  # fmt: skip
     while True:
-        ready = {
-            pair: merge
-            for pair, merge in merges.items()
-            if merge and merge.margin >= settings.min_margin_m
-        }
-        if not ready:
-            break
-        (a, b), merge = max(ready.items(), key=lambda item: (item[1].priority, item[1].margin))
-        new = max(blocks) + 1
-        merged = merge_blocks(blocks.pop(a), blocks.pop(b), merge.a_T_b, scans, settings)
-        merges = {pair: kept for pair, kept in merges.items() if not {a, b} & set(pair)}
-        merges |= {
-            (old, new): _best_merge(block, merged, scans, touching, settings, range_gain)
-            for old, block in blocks.items()
-        }
-        blocks[new] = merged
-        progress("placing stations", count - len(blocks), count - 1)
+        pair = _next_merge(growth, best_merge)
+        if pair is not None:
+            a, b = (growth.blocks[part] for part in pair)
+            merged = merge_blocks(a, b, growth.merges[pair].a_T_b, scans, settings)
+        else:
+            second = _second_look(growth.blocks, best_merge, scans, settings, settle)
+            if second is None:
+                break
+            pair, merged = second
+        growth.replace(pair, merged)
+        progress("placing stations", len(scans) - len(growth.blocks), len(scans) - 1)
     order = {station: index for index, station in enumerate(scans)}
     return tuple(
         sorted(
-            blocks.values(), key=lambda block: (-len(block.poses), order[next(iter(block.poses))])
+            growth.blocks.values(),
+            key=lambda block: (-len(block.poses), min(order[station] for station in block.poses)),
         )
     )
+
+
+def _next_merge(growth: _Growth, best_merge: BestMerge) -> _Pair | None:
+    """The pair of blocks to be merged first; looks at pairs again until none unseen may come before it."""
+    while True:
+        ready = max(
+            growth.merges.items(), key=lambda item: (item[1].priority, item[1].margin), default=None
+        )
+        unseen = max(growth.unseen.items(), key=lambda item: item[1], default=None)
+        if unseen is None or (ready is not None and ready[1].priority > unseen[1]):
+            return ready[0] if ready is not None else None
+        pair = unseen[0]
+        del growth.unseen[pair]
+        merge = best_merge(growth.blocks[pair[0]], growth.blocks[pair[1]])
+        if merge is not None:
+            growth.merges[pair] = merge
+
+
+def _second_look(
+    blocks: Mapping[int, Block],
+    best_merge: BestMerge,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+    settle: Settle,
+) -> tuple[_Pair, Block] | None:
+    """Two parts of the map that hold together once all their stations may move, and the merged block.
+
+    Small errors add up within a block as it grows, and two large ones then deny each other's walls
+    a little at the right place too.
+    """
+    parts = {
+        number: block for number, block in blocks.items() if len(block.poses) >= _PART_STATIONS
+    }
+    for pair in combinations(parts, 2):
+        a, b = (_settled(parts[part], scans, settings, settle) for part in pair)
+        merge = best_merge(a, b, least_gain=-_DRIFT_M)
+        if merge is None:
+            continue
+        merged = _settled(merge_blocks(a, b, merge.a_T_b, scans, settings), scans, settings, settle)
+        gain = sum(
+            sign * total_evidence(block, scans, settings)
+            for sign, block in ((1.0, merged), (-1.0, a), (-1.0, b))
+        )
+        if gain >= settings.min_margin_m:
+            return pair, merged
+    return None
+
+
+def _settled(
+    block: Block,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+    settle: Settle,
+) -> Block:
+    """The block with its stations moved to where all their pairs agree best."""
+    first, *others = settle(block.poses).items()
+    moved = single_block(first[0], scans[first[0]])
+    for station, pose in others:
+        alone = single_block(station, scans[station])
+        place = (first[1].inverse() @ pose).vector
+        moved = merge_blocks(moved, alone, place, scans, settings)
+    return moved
 
 
 def _best_merge(
@@ -113,15 +224,20 @@ def _best_merge(
     touching: Touching,
     settings: MatchingSettings,
     range_gain: RangeGain,
+    least_gain: float | None = None,
 ) -> _Merge | None:
-    """The relative pose of two blocks with the highest gain in evidence; None where no hypothesis joins them."""
+    """The best relative pose of two blocks; None where no hypothesis joins them by a margin.
+
+    With `least_gain` (m, negative) to leave the blocks apart counts as a way to merge them that has
+    this gain.
+    """
+    apart = 0.0 if least_gain is None else least_gain - settings.min_margin_m
     candidates = merge_candidates(a, b, touching)
     if not len(candidates):
         return None
-    candidates = align_blocks(a, b, candidates, scans)
-    gains = merge_gains(a, b, candidates, scans, settings)
+    candidates, gains = aligned_gains(a, b, candidates, scans, settings)
     # What the walls deny, no range can save: ranges choose among what the walls allow.
-    allowed = gains >= settings.min_margin_m
+    allowed = gains >= apart + settings.min_margin_m
     if not allowed.any():
         return None
     candidates = candidates[allowed]
@@ -130,7 +246,9 @@ def _best_merge(
     best = int(np.argmax(gains))
     rivals = gains[distant(candidates, candidates[best], _DISTINCT_M, _DISTINCT_RAD)]
     # To leave them apart is a rival too, with a gain of nothing.
-    margin = float(gains[best] - max(rivals.max(initial=0.0), 0.0))
+    margin = float(gains[best] - rivals.max(initial=apart))
+    if margin < settings.min_margin_m:
+        return None
     walls = margin - float(ranges[best])
     return _Merge(candidates[best], margin, min(walls, _ENOUGH_M) + float(ranges[best]))
 
@@ -195,6 +313,20 @@ def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
     return stack[chosen]
 
 
+def aligned_gains(
+    a: Block,
+    b: Block,
+    candidates: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> tuple[FloatArray, FloatArray]:
+    """Candidates a_T_b (J, 3) that the walls do not rule out, settled on each other, and their gains (J,)."""
+    gains = merge_gains(a, b, candidates, scans, settings)
+    # Centimetres of settling cannot mend metres of wall looked through.
+    candidates = align_blocks(a, b, candidates[gains > -_HOPELESS_M], scans)
+    return candidates, merge_gains(a, b, candidates, scans, settings)
+
+
 def align_blocks(
     a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> FloatArray:
@@ -202,15 +334,15 @@ def align_blocks(
     for gate in (0.4, 0.2):
         hessian = np.zeros((len(candidates), 3, 3))
         gradient = np.zeros((len(candidates), 3))
-        for i, j, i_T_j, b_T_j in crossing(a, b, candidates, scans):
+        for pair in crossing(a, b, candidates, scans):
             residual, jacobian, weight = correspondences(
-                scans[i], scans[j], i_T_j, gate=gate, stride=STRIDE
+                scans[pair.i], scans[pair.j], pair.i_T_j, gate=gate, stride=STRIDE
             )
-            jacobian = jacobian @ b_T_j.inverse().adjoint()
             weight = weight / (1.0 + (residual / (0.3 * gate)) ** 2)
-            weighted = np.swapaxes(jacobian * weight[:, :, None], 1, 2)
-            hessian += weighted @ jacobian
-            gradient += (weighted @ residual[:, :, None])[:, :, 0]
-        step = damped_step(hessian, gradient)
-        candidates = compose(candidates, np.clip(step, -0.2, 0.2))
+            weighted = np.swapaxes(jacobian, 1, 2) * weight[:, None, :]
+            # A motion of the block is one of each of its stations in that station's axes.
+            adjoint = pair.b_T_j.inverse().adjoint()
+            hessian[pair.near] += adjoint.T @ (weighted @ jacobian) @ adjoint
+            gradient[pair.near] += (weighted @ residual[:, :, None])[:, :, 0] @ adjoint
+        candidates = compose(candidates, limited(damped_step(hessian, gradient), _LONGEST_STEP_M))
     return candidates

@@ -10,7 +10,7 @@ from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .ambiguity import Rival, ambiguous_stations
-from .hypotheses import rematch_pairs
+from .hypotheses import leave_free_directions, rematch_pairs
 from .index import ScanIndex
 from .pairs import Pair
 from .placement import RangeGain, no_ranges, place_stations
@@ -22,6 +22,10 @@ _SAME_M, _SAME_RAD = (
     0.25,
     0.1,
 )  # a hypothesis this close to the used match is the same one, less refined
+
+
+_SETTLING = 2
+"""What a free direction still pulls shrinks by two orders of magnitude each time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +64,13 @@ def select_matches(
         placement = spanning_placement(tuple(scans), used)
         used = tuple(match for match in used if match.source in placement)
         return Selection(placement, used, _with_reasons(hypotheses, used, placement))
-    blocks = place_stations(scans, hypotheses, settings, range_gain=range_gain, progress=progress)
+
+    def settle(poses: Mapping[StationId, Pose2]) -> dict[StationId, Pose2]:
+        return adjust(poses, rematch_pairs(scans, poses, pairs, settings))
+
+    blocks = place_stations(
+        scans, hypotheses, settings, range_gain=range_gain, settle=settle, progress=progress
+    )
     if not blocks:
         return Selection({}, (), _with_reasons(hypotheses, (), {}))
     rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain)
@@ -71,6 +81,13 @@ def select_matches(
         used = rematch_pairs(scans, placement, pairs, settings, until_still=last)
     placement = _largest_group(placement, used)
     used = tuple(match for match in used if match.target in placement and match.source in placement)
+    for _ in range(_SETTLING):
+        placement = adjust(placement, used)
+        used = tuple(
+            leave_free_directions(m, placement[m.target].inverse() @ placement[m.source])
+            for m in used
+        )
+    placement = _in_first_frame(placement, {station: k for k, station in enumerate(placement)})
     return Selection(
         placement,
         used,

@@ -67,3 +67,14 @@ class SolverError(SlamUwbError):
     """The joint problem could not be solved."""
 
     exit_status = 3
+
+
+class CaptureError(SlamUwbError):
+    """An instrument cannot be reached, does not answer as it should, or breaks off."""
+
+    exit_status = 4
+
+    def __init__(self, port: str, problem: str) -> None:
+        self.port = port
+        self.problem = problem
+        super().__init__(f"{port}: {problem}")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import FloatArray, Matrix3, Points, Pose2, frozen_array
+from .link_law import LinkModel
 from .survey import Anchor, AnchorId, RangeOffset, Station, StationId
 
 Progress = Callable[[str, int, int], None]
@@ -103,7 +104,7 @@ class LinkMeasurement:
     samples: int
     """How many were usable."""
     discarded: int = 0
-    """How many were negative, non-finite or absurdly long."""
+    """How many were negative, non-finite, absurdly long or of another path."""
     residual: float = float("nan")
     """m, measured minus predicted: a range made long by a wall is positive. NaN before the solution."""
     walls: float = float("nan")
@@ -127,6 +128,29 @@ class AnchorLink:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class WallPieces:
+    """Straight pieces of wall of the merged map, as far as radio is concerned; world frame.
+
+    Doors are gaps. The two faces of one wall are pieces of two lines. Pieces of one line do not
+    overlap; those that touch are one wall of which one part is more certain than the other.
+    """
+
+    ends: FloatArray
+    """(P, 2, 2) m; whoever walks from the first end to the second has the room it was seen from on the left."""
+    line: NDArray[np.int32]
+    """(P,) number of the wall line that the piece belongs to."""
+    probability: FloatArray
+    """(P,) 0-1 that the piece blocks radio as a wall does; low for furniture."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", frozen_array(self.ends, (None, 2, 2), "ends"))
+        count = len(self.ends)
+        object.__setattr__(self, "line", frozen_array(self.line, (count,), "line", np.int32))
+        probability = frozen_array(self.probability, (count,), "probability")
+        object.__setattr__(self, "probability", probability)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class GraphProblem:
     """What the solvers of `graph` are given."""
 
@@ -142,3 +166,5 @@ class GraphProblem:
     tag_offset: tuple[float, float] = (0.0, 0.0)
     range_offset: RangeOffset | None = None
     sequence: tuple[tuple[StationId, StationId], ...] | None = None
+    link_model: LinkModel | None = None
+    """How wrong ranges may be; only the sequential solver does without."""

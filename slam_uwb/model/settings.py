@@ -148,11 +148,12 @@ class MatchingSettings(_Section):
         "joins their stations",
     )
     sigma_floor_m: float = Field(
-        0.01,
+        0.0003,
         ge=0.0,
-        description="least standard deviation of a match: tilt, people, glass (not in the Hessian)",
+        description="standard deviation added to a match for what its residuals cannot show; what they "
+        "show (tilt, glass, walls that miss each other) is in its covariance already",
     )
-    sigma_floor_deg: float = Field(0.15, ge=0.0, description="the same for its heading")
+    sigma_floor_deg: float = Field(0.003, ge=0.0, description="the same for its heading")
 
 
 class RangingSettings(_Section):
@@ -169,6 +170,23 @@ class RangingSettings(_Section):
         gt=0.0,
         description="standard deviation of the constant error of a link in line of sight",
     )
+    path_gap_m: float = Field(
+        0.2,
+        gt=0.0,
+        description="samples of a link further apart than this came by different paths (8 sigmas of jitter)",
+    )
+    path_share: float = Field(
+        0.2,
+        gt=0.0,
+        le=0.5,
+        description="a path with a smaller share of a link's samples is a fault of the device",
+    )
+    max_reflection_m: float = Field(
+        3.0,
+        gt=0.0,
+        description="a path longer by up to this may be a reflection of the shorter one, which is then "
+        "believed; beyond, the one with more samples",
+    )
     two_way: Literal["asymmetric", "symmetric"] = Field(
         "asymmetric",
         description="periods -> distance; `symmetric` is the paper's eq. 2, biased where the two replies "
@@ -182,16 +200,25 @@ class GraphSettings(_Section):
     mode: Literal["joint", "sequential"] = Field(
         "joint", description="`sequential` is the paper's method"
     )
+    radios: Literal["uncalibrated", "calibrated"] = Field(
+        "uncalibrated",
+        description="what is known of antenna delays where the survey states no offset: nothing, or that "
+        "they have been taken out",
+    )
+    calibrated_sigma_m: float = Field(
+        0.03, gt=0.0, description="standard deviation of what a calibration leaves of the offset"
+    )
     offset_mean_m: float = Field(
         0.18,
         description="prior of the offset common to all ranges where the survey states none: uncalibrated "
         "radios",
     )
     offset_sigma_m: float = Field(0.10, gt=0.0, description="its standard deviation")
-    nlos_scale: float = Field(
+    no_offset_gain: float = Field(
         1.0,
-        gt=0.0,
-        description="one-sided Cauchy loss: longer ranges lose weight beyond this many sigmas",
+        ge=0.0,
+        description="offsets of radios in line of sight are dropped where the evidence without them is "
+        "better by more (nats; joint study, 5)",
     )
     min_stations: int = Field(
         3, ge=3, description="an anchor enters when this many stations not in line see it"
@@ -207,6 +234,12 @@ class GraphSettings(_Section):
         ge=0.0,
         description="a second place within this much cost (negative log likelihood) is not excluded",
     )
+    moved_cost_gap: float = Field(
+        15.0,
+        ge=0.0,
+        description="an anchor was moved where two places in turn explain its ranges better by more "
+        "(nats; one range that is simply wrong costs 10)",
+    )
     search_step_m: float = Field(
         0.3,
         gt=0.0,
@@ -220,6 +253,11 @@ class GraphSettings(_Section):
     )
     weak_sigma_m: float = Field(
         0.5, gt=0.0, description="an anchor with a larger standard deviation is weak-geometry"
+    )
+    anchor_inflation: float = Field(
+        1.3,
+        ge=1.0,
+        description="factor on the covariances of anchors: wrong labels and tails (joint study, 7)",
     )
     max_passes: int = Field(100, ge=1, description="outer passes of re-weighting")
     tolerance_m: float = Field(1e-6, gt=0.0, description="passes end when nothing moves further")
@@ -248,6 +286,48 @@ class MappingSettings(_Section):
         20_000_000,
         ge=1,
         description="a larger map gets resolution_m doubled until it fits (memory: 32 bytes a cell)",
+    )
+    wall_angle_deg: float = Field(
+        7.0, gt=0.0, lt=45.0, description="segments of one wall line differ by less in direction"
+    )
+    wall_distance_m: float = Field(
+        0.12,
+        gt=0.0,
+        description="segments and points of a wall line are closer to it: noise of scans and poses",
+    )
+    wall_cell_m: float = Field(0.1, gt=0.0, description="cell along a wall line")
+    wall_neighbour_gap_m: float = Field(
+        0.3, gt=0.0, description="hits of neighbouring bins closer than this have wall between them"
+    )
+    wall_beyond_m: float = Field(
+        0.25, gt=0.0, description="a beam that ends so far behind a line looked through it"
+    )
+    wall_incidence: float = Field(
+        0.2,
+        ge=0.0,
+        le=1.0,
+        description="beams flatter to the line (sine) do not count as looking through: poses err",
+    )
+    wall_fill_gap_m: float = Field(
+        2.5,
+        ge=0.0,
+        description="a shorter gap that nobody looked through hides behind furniture, and is wall",
+    )
+    wall_fill_free_share: float = Field(
+        0.2, ge=0.0, le=1.0, description="more of a gap looked through makes it an opening"
+    )
+    wall_chain_gap_m: float = Field(
+        1.6,
+        gt=0.0,
+        description="a wall goes on behind a door (up to 1.5 m); pieces of furniture are further apart",
+    )
+    wall_chain_m: float = Field(
+        2.1,
+        gt=0.0,
+        description="length seen in one chain that is as likely wall as furniture, which is mostly < 2 m",
+    )
+    wall_chain_slope_m: float = Field(
+        0.35, gt=0.0, description="how fast that likelihood changes with length (logistic)"
     )
 
 

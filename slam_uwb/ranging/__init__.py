@@ -1,13 +1,16 @@
 """Range samples -> one measurement a link."""
 
 from .agreement import RangeGain, range_gain
+from .link_model import LinkModel, link_model
 from .reduce import reduce_anchor_links, reduce_links
 from .two_way import asymmetric_bias, asymmetric_distances, symmetric_bias, symmetric_distances
 
 __all__ = [
+    "LinkModel",
     "RangeGain",
     "asymmetric_bias",
     "asymmetric_distances",
+    "link_model",
     "range_gain",
     "reduce_anchor_links",
     "reduce_links",

@@ -20,6 +20,8 @@ TWO_WAY = {"asymmetric": asymmetric_distances, "symmetric": symmetric_distances}
 
 MAD_TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation of a normal distribution."""
+RIVAL_SHARE = 0.25
+"""Of the distance to a rival path, as standard deviation: the wrong one may have been believed."""
 
 
 def reduce_links(survey: Survey, settings: RangingSettings) -> tuple[LinkMeasurement, ...]:
@@ -33,8 +35,9 @@ def reduce_links(survey: Survey, settings: RangingSettings) -> tuple[LinkMeasure
         settings: limits and noise.
 
     Returns:
-        `distance` is the median of the usable samples, `mean` their average (paper, IV), `sigma`
-        the link's constant error with what jitter leaves after averaging.
+        `distance` is the median of the samples of one path (`main_path`), `mean` the plain average of
+        all usable ones (paper, IV), `sigma` the link's constant error with what jitter leaves after
+        averaging, and more where several paths were heard.
     """
     samples = {(entry.station, entry.anchor): entry.distances for entry in survey.ranges}
     to_distances = TWO_WAY[settings.two_way]
@@ -82,15 +85,38 @@ def _reduce_link(
         return LinkMeasurement(
             station, anchor, nothing, nothing, nothing, 0, discarded, rejection=reason
         )
+    path, rival = main_path(usable, settings)
     return LinkMeasurement(
         station=station,
         anchor=anchor,
-        distance=float(np.median(usable)),
+        distance=float(np.median(path)),
         mean=float(np.mean(usable)),
-        sigma=_sigma(usable, settings),
-        samples=len(usable),
-        discarded=discarded,
+        sigma=math.hypot(_sigma(path, settings), RIVAL_SHARE * rival),
+        samples=len(path),
+        discarded=discarded + len(usable) - len(path),
     )
+
+
+def main_path(usable: FloatArray, settings: RangingSettings) -> tuple[FloatArray, float]:
+    """The samples of the path that is believed, and how far off (m) the nearest rival is, 0 without one.
+
+    Samples further apart than `path_gap_m` belong to different paths. Of those with a fair share of
+    the samples the shortest is the direct one, if the others can be reflections: a few metres longer
+    at most. Else the one with most samples is believed.
+    """
+    ordered = np.sort(usable)
+    paths = np.split(ordered, np.nonzero(np.diff(ordered) > settings.path_gap_m)[0] + 1)
+    least = max(settings.path_share * len(ordered), min(2, len(ordered)))
+    fair = [p for p in paths if len(p) >= least]
+    if not fair:
+        return ordered, float(np.ptp(ordered))
+    main = max(fair, key=len)
+    nearer = [
+        p for p in fair if 0.0 <= np.median(main) - np.median(p) <= settings.max_reflection_m
+    ]
+    main = nearer[0]
+    rivals = [abs(float(np.median(p) - np.median(main))) for p in fair if p is not main]
+    return main, min(rivals, default=0.0)
 
 
 def _usable(distances: FloatArray, settings: RangingSettings) -> FloatArray:

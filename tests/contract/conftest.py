@@ -8,7 +8,9 @@ import pytest
 
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import AnchorLink, GraphProblem, LinkMeasurement, ScanMatch
+from slam_uwb.model.settings import RangingSettings
 from slam_uwb.model.survey import Anchor, KnownPlace, RangeOffset, Scan, Station
+from slam_uwb.ranging import link_model
 
 TAG_HEIGHT = 1.4
 NO_SCAN = Scan(np.zeros(0), np.zeros(0), 10.0)
@@ -114,6 +116,7 @@ class Scene:
             tag_offset=self.lever,
             range_offset=self.range_offset,
             sequence=self.sequence,
+            link_model=link_model(RangingSettings()),
         )
 
     def changed(self, **changes: object) -> Scene:

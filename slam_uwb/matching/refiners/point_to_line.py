@@ -18,11 +18,13 @@ _SAME_FACE = 0.5  # least cosine between the normals of partners
 _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone less than 0.007
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
 _COARSE = 3  # every third point is enough to find the basin
+_PROMISING = 0.3  # of the evidence that a hypothesis needs in the end
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
 _SHRINK = 0.6
-_STEPS, _STEPS_UNTIL_STILL = 6, 40
-_LONGEST = 0.5  # m a step
+_STEPS, _STEPS_UNTIL_STILL = 6, 30
+_LONGEST_STEP_M = 0.5
 _STILL = 1e-8  # m and rad; nothing moves any more
+_STILL_SHARE = 1e-4  # of the residuals' own scale
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
 
@@ -49,6 +51,9 @@ def refine_point_to_line(
             target, source, poses, gate=gate, scale=0.5 * gate, stride=_COARSE, both_ways=False
         )
     evidence = score_matches(target, source, poses, settings, _COARSE).evidence
+    # What confirms next to nothing now confirms nothing in the end; right matches have twice that.
+    least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
+    poses, evidence = poses[evidence >= least], evidence[evidence >= least]
     best = distinct(poses, evidence, settings.hypotheses + settings.hypotheses // 2)
     return polish(target, source, poses[best], settings)
 
@@ -69,8 +74,9 @@ def polish(
     step = np.full((len(poses), 3), np.inf)
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         # The scale shrinks step by step: at once, the many points of one wall would set it, and the
-        # few that hold the other direction would be outliers before they have settled.
-        scale = _CAUCHY_M * _SHRINK**iteration
+        # few that hold the other direction would be outliers before they have settled. Later it
+        # may shrink faster: only exact scans still follow.
+        scale = _CAUCHY_M * _SHRINK ** (iteration + max(0, iteration - _STEPS))
         poses, step, used_scale = _step(
             target,
             source,
@@ -82,7 +88,10 @@ def polish(
             exact=until_still,
         )
         # Still under a scale that is yet to shrink is not the end.
-        if np.abs(step).max(initial=0.0) < _STILL and (used_scale > scale).all():
+        still = np.abs(step).max(axis=1, keepdims=True) < np.maximum(
+            _STILL, _STILL_SHARE * used_scale
+        )
+        if (still & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
     paired = correspondences(target, source, poses, gate=settings.fine_gate_m)[2].any(axis=1)
@@ -115,8 +124,7 @@ def _step(
         transposed = np.swapaxes(adjoint, 1, 2)
         hessian = hessian + transposed @ back_hessian @ adjoint
         gradient = gradient - (transposed @ back_gradient[:, :, None])[:, :, 0]
-    step = damped_step(hessian, gradient)
-    step = step * np.minimum(1.0, _LONGEST / np.maximum(np.hypot(*step[:, :2].T), 1e-12))[:, None]
+    step = limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
     return compose(poses, step), step, loss_scale
 
 
@@ -139,6 +147,12 @@ def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
     damping = _DAMPING * np.stack([translation, translation, hessian[:, 2, 2]], axis=1) + 1e-12
     damped = hessian + damping[:, :, None] * np.eye(3)
     return np.asarray(-np.linalg.solve(damped, gradient[:, :, None])[:, :, 0])
+
+
+def limited(steps: FloatArray, longest: float) -> FloatArray:
+    """The steps (K, 3), those longer than `longest` metres shortened."""
+    length = np.maximum(np.hypot(*steps[:, :2].T), 1e-12)
+    return np.asarray(steps * np.minimum(1.0, longest / length)[:, None])
 
 
 Correspondences = tuple[FloatArray, FloatArray, FloatArray]

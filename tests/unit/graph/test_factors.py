@@ -13,6 +13,8 @@ from slam_uwb.model.products import ScanMatch
 from slam_uwb.model.survey import KnownPlace, RangeOffset
 
 X0, X1, L0, L1, B = factors.X(0), factors.X(1), factors.L(0), factors.L(1), factors.OFFSET_KEY
+D0 = factors.D(0)
+WIDTHS = {X0: 3, L0: 2, L1: 2, B: 1, D0: 1}
 
 
 def values(pose=(0.0, 0.0, 0.0), point=(3.0, 4.0), offset=0.0, other=(0.0, 0.0)):
@@ -21,6 +23,7 @@ def values(pose=(0.0, 0.0, 0.0), point=(3.0, 4.0), offset=0.0, other=(0.0, 0.0))
     result.insert(L0, np.array(point))
     result.insert(L1, np.array(other))
     result.insert(B, offset)
+    result.insert(D0, offset)
     return result
 
 
@@ -52,14 +55,14 @@ def numeric_jacobians(factor, at) -> list[np.ndarray]:
     """Central differences in the tangent space of every variable, in the factor's order of keys."""
     columns = []
     for key in list(factor.keys()):
-        size = {X0: 3, L0: 2, L1: 2, B: 1}[key]
+        size = WIDTHS[key]
         column = np.zeros((1, size))
         for axis in range(size):
             sides = []
             for step in (1e-6, -1e-6):
                 delta = gtsam.VectorValues()
                 for other in list(at.keys()):
-                    width = {X0: 3, L0: 2, L1: 2, B: 1}[other]
+                    width = WIDTHS[other]
                     change = np.zeros(width)
                     change[axis if other == key else 0] = step if other == key else 0.0
                     delta.insert(other, change)
@@ -72,7 +75,7 @@ def numeric_jacobians(factor, at) -> list[np.ndarray]:
 def analytic_jacobians(factor, at) -> list[np.ndarray]:
     # Sigma is 1, so whitening changes nothing; Jacobian factors keep the order of keys.
     matrix = factor.linearize(at).jacobian()[0]
-    ends = np.cumsum([{X0: 3, L0: 2, L1: 2, B: 1}[key] for key in list(factor.keys())])
+    ends = np.cumsum([WIDTHS[key] for key in list(factor.keys())])
     return np.split(matrix, ends[:-1], axis=1)
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -8,16 +9,17 @@ import pytest
 
 from slam_uwb.graph import factors
 from slam_uwb.graph.incremental import batch_gap, dense_covariance, solve_by_passes
-from slam_uwb.graph.losses import one_sided_cost
-from slam_uwb.graph.ranges import Levers, build_range_table
+from slam_uwb.graph.ranges import Levers, build_range_table, weigh_ranges
 from slam_uwb.graph.variables import Indices, Variables
 from slam_uwb.model.errors import SolverError
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import GraphProblem, LinkMeasurement, ScanMatch
-from slam_uwb.model.settings import GraphSettings
+from slam_uwb.model.settings import GraphSettings, RangingSettings
 from slam_uwb.model.survey import Anchor, RangeOffset, Station
+from slam_uwb.ranging import link_model
 
 SETTINGS = GraphSettings()
+MODEL = link_model(RangingSettings())
 POSES = {
     "a": Pose2(0.0, 0.0, 0.0), "b": Pose2(3.0, 0.4, 1.0), "c": Pose2(5.0, 3.0, -2.0),
     "d": Pose2(1.0, 4.0, 0.3),
@@ -60,25 +62,28 @@ def solve(problem=None, skip_match_of=(), settings=SETTINGS, **start):
     fixed = gtsam.NonlinearFactorGraph()
     fixed.push_back(factors.gauge_factor(0, POSES["a"]))
     fixed.push_back(factors.offset_prior(RangeOffset(0.0, 0.05)))
+    for anchor in (0, 1):
+        fixed.push_back(factors.delay_prior(anchor, 0.05))
     for match in problem.matches:
         if not {match.target, match.source} & set(skip_match_of):
             ends = (indices.stations[match.target], indices.stations[match.source])
             fixed.push_back(factors.match_factor(match, *ends))
-    return solve_by_passes(fixed, table, variables, indices, settings), indices, fixed, table
+    ranges = weigh_ranges(table, MODEL.unlabelled(len(table.measured)), MODEL)
+    return solve_by_passes(fixed, ranges, variables, indices, settings), indices, fixed, ranges
 
 
 def all_keys(optimum, indices) -> list[int]:
     keys = [factors.X(indices.stations[name]) for name in optimum.variables.poses]
     keys += [factors.L(indices.anchors[name]) for name in optimum.variables.anchors]
-    return [*keys, factors.OFFSET_KEY]
+    return [*keys, factors.OFFSET_KEY, factors.D(0), factors.D(1)]
 
 
 def test_the_optimum_is_a_minimum_of_the_true_cost():
-    optimum, _, fixed, table = solve()
+    optimum, _, fixed, ranges = solve()
 
     def cost(variables, values) -> float:
-        ranges = one_sided_cost(table.residuals(variables), table.sigmas, 1.0).sum()
-        return fixed.error(values) + ranges
+        costs = ranges.density.costs(ranges.table.residuals(variables))
+        return fixed.error(values) + costs.sum()
 
     best = cost(optimum.variables, optimum.values)
     assert best == pytest.approx(optimum.cost)
@@ -87,12 +92,13 @@ def test_the_optimum_is_a_minimum_of_the_true_cost():
             for name in PLACES:
                 moved = {n: np.array(p) for n, p in optimum.variables.anchors.items()}
                 moved[name][axis] += step
-                near = Variables(optimum.variables.poses, moved, optimum.variables.offset)
+                near = replace(optimum.variables, anchors=moved)
                 assert cost(near, optimum.values) > best
-        offset = optimum.variables.offset + step
+        # All offsets together; GTSAM's values hold those of the anchors whole.
         values = gtsam.Values(optimum.values)
-        values.update(factors.OFFSET_KEY, offset)
-        near = Variables(optimum.variables.poses, optimum.variables.anchors, offset)
+        for key in (factors.OFFSET_KEY, factors.D(0), factors.D(1)):
+            values.update(key, values.atDouble(key) + step)
+        near = replace(optimum.variables, offset=optimum.variables.offset + step)
         assert cost(near, values) > best
 
 

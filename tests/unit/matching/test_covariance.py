@@ -4,17 +4,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam_uwb.matching.covariance import match_covariance
+from slam_uwb.matching.covariance import _both_ways, _cost, match_covariance
+from slam_uwb.matching.index import index_scan
 from slam_uwb.matching.refiners.point_to_line import polish
 from slam_uwb.model.geometry import Pose2
+from slam_uwb.model.settings import MatchingSettings, ScanSettings
+from slam_uwb.model.survey import Scan
+from slam_uwb.scan import prepare_scan
+from slam_uwb.simulate.segments import cast_rays
 
+MATCHING = MatchingSettings()
 A, B = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
 TRUTH = A.inverse() @ B
 
 
 @pytest.fixture(scope="module")
 def bare(settings):
-    """Without the floor for tilt, people and glass."""
+    """Without the floor for what no residual shows."""
     return settings.model_copy(update={"sigma_floor_m": 0.0, "sigma_floor_deg": 0.0})
 
 
@@ -52,9 +58,9 @@ def test_a_room_leaves_no_direction_free(view, room, settings):
             *noisy_pair(view, room, A, B, seed), TRUTH, settings
         )
         assert not degenerate
-        # Above the floor of 10 mm and 0.15 degrees, and millimetres beyond it.
-        assert np.sqrt(np.diag(covariance))[:2].max() < 0.02
-        assert math.sqrt(covariance[2, 2]) < math.radians(0.4)
+        # Points of 10 mm, a hundred a wall: millimetres and hundredths of a degree.
+        assert np.sqrt(np.diag(covariance))[:2].max() < 0.005
+        assert math.sqrt(covariance[2, 2]) < math.radians(0.1)
 
 
 def test_a_corridor_is_free_along_its_axis_only(view, corridor, settings):
@@ -166,15 +172,119 @@ def test_what_nothing_holds_is_free_and_finite(view, settings, pose):
     assert np.sqrt(np.diag(covariance)).min() > 0.1
 
 
-def test_errors_of_refined_matches_are_what_the_covariance_tells(view, room, bare):
+def nees(target, source, truth, settings):
+    """Normalised squared error of the match refined from the truth, a degree of freedom."""
+    pose = Pose2.from_vector(polish(target, source, truth.vector[None], settings)[0][0])
+    covariance, _ = match_covariance(target, source, pose, settings)
+    error = (truth.inverse() @ pose).vector
+    return error @ np.linalg.solve(covariance, error) / 3.0
+
+
+def test_errors_of_refined_matches_are_what_the_covariance_tells(view, room, settings):
     """Normalised squared errors of 60 matches; in statistics/ there are more."""
-    nees = []
-    for seed in range(60):
-        target, source = noisy_pair(view, room, A, B, seed)
-        pose = Pose2.from_vector(polish(target, source, TRUTH.vector[None], bare)[0][0])
-        covariance, _ = match_covariance(target, source, pose, bare)
-        error = (TRUTH.inverse() @ pose).vector
-        nees.append(error @ np.linalg.solve(covariance, error) / 3.0)
-    # Ideal is 1; the formula is meant to be a little too wide (library facts: 0.7-0.9), never too tight.
-    assert 0.3 < np.mean(nees) < 1.3
-    assert np.quantile(nees, 0.95) < 3.5
+    values = [nees(*noisy_pair(view, room, A, B, seed), TRUTH, settings) for seed in range(60)]
+    assert 0.5 < np.mean(values) < 1.5
+    assert np.quantile(values, 0.95) < 3.5
+
+
+# Eight walls of an L-shaped room and four of a pillar in it.
+PILLARED = np.array([
+    ((0, 0), (9, 0)), ((9, 0), (9, 4)), ((9, 4), (5, 4)), ((5, 4), (5, 7)), ((5, 7), (0, 7)),
+    ((0, 7), (0, 0)), ((2, 3), (2.8, 3)), ((2.8, 3), (2.8, 3.8)), ((2.8, 3.8), (2, 3.8)),
+    ((2, 3.8), (2, 3)),
+], dtype=float)  # fmt: skip
+
+
+def shifted(walls, rng, sigma):
+    """Every wall moved along its normal by an error of its own: what a scanner makes of paint and glass."""
+    along = walls[:, 1] - walls[:, 0]
+    normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return walls + (rng.normal(0.0, sigma, len(walls))[:, None] * normals)[:, None]
+
+
+def test_walls_that_miss_each_other_by_centimetres_are_seen_as_such(view, settings):
+    """The points of a wall err together: counted one by one they would claim millimetres where 1 cm is true."""
+    a, b = Pose2(1.5, 1.5, 0.5), Pose2(4.0, 2.2, -2.0)
+    truth, values, sigmas = a.inverse() @ b, [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        target, source = (
+            view(name, shifted(PILLARED, rng, 0.01), pose, rng, 0.003)
+            for name, pose in (("a", a), ("b", b))
+        )
+        values.append(nees(target, source, truth, settings))
+        sigmas.append(math.sqrt(match_covariance(target, source, truth, settings)[0][0, 0]))
+    assert 0.4 < np.mean(values) < 2.0
+    # Three or four walls hold each direction, each with an error of 14 mm between the scans.
+    assert 0.004 < np.median(sigmas) < 0.015
+
+
+def test_the_hessian_of_a_square_room_is_that_of_its_walls(view, bare):
+    """A room of side a: both ways 2 a metres of wall hold x and y, and about its middle the turn 4 a^3 / 12.
+
+    Seen from (u, v) the turn has 2 a (u^2 + v^2) more, and x and y are bound to it by -2 a v, 2 a u.
+    """
+    side, u, v = 4.0, 0.6, -0.3
+    corners = np.array([(-2, -2), (2, -2), (2, 2), (-2, 2)], dtype=float)
+    walls = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    pose = Pose2(u, v, 0.0)
+    scan = view("a", walls, pose)
+    cost = _cost(_both_ways(scan, scan, Pose2.identity(), bare.fine_gate_m), 0.0)
+    lever = 2.0 * side * (u**2 + v**2)
+    expected = 2.0 * np.array([
+        [2 * side, 0.0, 2 * side * v],
+        [0.0, 2 * side, -2 * side * u],
+        [2 * side * v, -2 * side * u, 4 * side**3 / 12 + lever],
+    ])  # fmt: skip
+    # Points a degree apart cut the corners by some centimetres.
+    np.testing.assert_allclose(cost.hessian, expected, atol=0.035 * expected.max())
+    assert cost.sharpness == pytest.approx(1.0)
+
+
+def turned_pair(walls, a, b, turn_a, turn_b, max_range):
+    """Indices of the same recordings by scanners turned by whole degrees."""
+    rng = np.random.default_rng(4)
+    bearings = np.radians(np.arange(-180, 180) + 0.5)
+    for name, pose, turn in (("a", a, turn_a), ("b", b, turn_b)):
+        ranges = cast_rays(pose.translation, bearings + pose.theta, walls)
+        ranges = ranges + rng.normal(0.0, 0.01, len(ranges))
+        scan = Scan(
+            bearings - math.radians(turn),
+            np.where(ranges <= max_range, ranges, np.nan),
+            max_range,
+        )
+        yield index_scan(prepare_scan(name, scan, ScanSettings()), MATCHING)
+
+
+@pytest.mark.parametrize("scene", ["room", "corridor"])
+def test_turning_the_scanners_turns_the_covariance_with_the_sources_axes(request, scene, settings):
+    """T R_b Exp(xi) = T Exp(Ad_R xi) R_b; which way the target was turned is of no account."""
+    walls = request.getfixturevalue(scene)
+    a, b = (A, B) if scene == "room" else (Pose2(0.0, 0.8, 0.4), Pose2(2.0, 1.2, -1.0))
+    covariances = []
+    for turn_a, turn_b in ((0, 0), (40, 0), (0, 113), (-77, 160)):
+        turns = (Pose2(0.0, 0.0, math.radians(turn)) for turn in (turn_a, turn_b))
+        target, source = turned_pair(walls, a, b, turn_a, turn_b, 12.0)
+        first, second = turns
+        pose = (a @ first).inverse() @ b @ second
+        covariance, degenerate = match_covariance(target, source, pose, settings)
+        assert degenerate == (scene == "corridor")
+        adjoint = second.adjoint()
+        covariances.append(adjoint @ covariance @ adjoint.T)
+    for covariance in covariances[1:]:
+        scale = np.sqrt(np.outer(np.diag(covariances[0]), np.diag(covariances[0])))
+        assert np.abs((covariance - covariances[0]) / scale).max() < 0.02
+
+
+def test_a_free_axis_leaves_the_walls_beside_it_as_certain_as_without(view, corridor, settings):
+    """What is free along a corridor does not make the heading or the distance to its walls uncertain."""
+    a, b = Pose2(0.0, 0.8, 0.0), Pose2(2.0, 1.2, 0.0)
+    covariance, degenerate = match_covariance(
+        *noisy_pair(view, corridor, a, b, 2, max_range=12.0), a.inverse() @ b, settings
+    )
+    assert degenerate
+    sigmas = np.sqrt(np.diag(covariance))
+    assert sigmas[0] > 0.9
+    assert sigmas[1] < 0.01
+    assert sigmas[2] < math.radians(0.2)

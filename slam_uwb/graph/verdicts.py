@@ -1,0 +1,113 @@
+"""What the solution says of each link: walls crossed, and whether the range is simply wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..model.geometry import FloatArray
+from ..model.link_law import LinkDensity, LinkModel
+from ..model.products import LinkMeasurement
+from ..model.survey import AnchorId, StationId
+from .find import Scene
+from .variables import Variables
+
+LinkName = tuple[StationId, AnchorId]
+
+FAULT_BELIEF = 0.5
+"""A range is called a fault where that is likelier than not,"""
+FAULT_SIGMAS = 5.0
+"""and it is off by more than this many sigmas of a link in line of sight."""
+SWAP_GAIN = 6.0
+"""nats by which two ranges must fit better swapped."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkVerdict:
+    """What is thought of one link that was used."""
+
+    walls: float
+    """Expected number."""
+    nlos_probability: float
+    fault: str | None
+    """What is wrong with the range; None where nothing is."""
+
+
+def judge_links(
+    scene: Scene,
+    model: LinkModel,
+    solved: Variables,
+    heights: dict[AnchorId, float],
+    links: tuple[LinkMeasurement, ...],
+) -> dict[LinkName, LinkVerdict]:
+    """Verdicts of all links both of whose ends are placed.
+
+    Args:
+        scene: problem and frame.
+        model: of the links' errors.
+        solved: the solution.
+        heights: m, of the anchors.
+        links: usable ones.
+    """
+    tags = scene.levers.tags(solved.poses)
+    ends = [
+        k for k in links if k.station in tags and k.anchor in solved.anchors and k.anchor in heights
+    ]
+    if not ends:
+        return {}
+    tag_heights = {station.id: station.tag_height for station in scene.problem.stations}
+    first = np.array([tags[k.station] for k in ends])
+    second = np.array([solved.anchors[k.anchor] for k in ends])
+    rises = np.array([heights[k.anchor] - tag_heights[k.station] for k in ends])
+    slant = np.sqrt(((second - first) ** 2).sum(axis=1) + rises**2)
+    errors = np.array([k.distance - solved.offset_of(k.anchor) for k in ends]) - slant
+    density = model.density(model.labels(first, second), np.array([k.sigma for k in ends]))
+    walls, faults = density.posterior(errors)
+    verdicts = [
+        _verdict(belief, float(fault), float(error), model)
+        for belief, fault, error in zip(walls, faults, errors, strict=True)
+    ]
+    named = _name_swaps(ends, verdicts, errors, density)
+    return {
+        (link.station, link.anchor): verdict for link, verdict in zip(ends, named, strict=True)
+    }
+
+
+def _name_swaps(
+    links: list[LinkMeasurement],
+    verdicts: list[LinkVerdict],
+    errors: FloatArray,
+    density: LinkDensity,
+) -> list[LinkVerdict]:
+    """The verdicts, with ranges of one station named that would fit if their anchors were swapped."""
+    named = list(verdicts)
+    distances = np.array([link.distance for link in links])
+    costs, predicted = density.costs(errors), distances - errors
+    for k in [k for k, verdict in enumerate(verdicts) if verdict.fault is not None]:
+        others = [i for i, link in enumerate(links) if link.station == links[k].station and i != k]
+        if not others:
+            continue
+        here = density.costs(distances[k] - predicted)[others]
+        # The other range, were it the one of this anchor.
+        there = np.array([density.costs(distances[i] - predicted)[k] for i in others])
+        gains = costs[k] + costs[others] - here - there
+        best = int(np.argmax(gains))
+        if gains[best] > SWAP_GAIN:
+            for one, other in ((k, others[best]), (others[best], k)):
+                reason = f"fits anchor {links[other].anchor}: identifiers swapped at this station"
+                named[one] = replace(verdicts[one], fault=reason)
+    return named
+
+
+def _verdict(belief: FloatArray, fault: float, error: float, model: LinkModel) -> LinkVerdict:
+    sound = max(float(belief.sum()), 1e-12)
+    reason = None
+    if fault > FAULT_BELIEF and abs(error) > FAULT_SIGMAS * model.sight_sigma:
+        side = "long" if error > 0.0 else "short"
+        reason = f"{abs(error):.2f} m too {side} for the place that the other ranges give"
+    return LinkVerdict(
+        walls=float(np.arange(len(belief)) @ belief / sound),
+        nlos_probability=float(1.0 - belief[0] / sound),
+        fault=reason,
+    )
