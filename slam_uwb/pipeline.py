@@ -22,7 +22,13 @@ from .model.solution import (
     Status,
 )
 from .model.survey import Scan, StationId, Survey
-from .ranging import link_model, range_gain, reduce_anchor_links, reduce_links
+from .ranging import (
+    least_separation,
+    link_model,
+    range_gain,
+    reduce_anchor_links,
+    reduce_links,
+)
 from .scan import prepare_scan, reduce_scan
 
 
@@ -59,7 +65,8 @@ def solve_survey(
     links = reduce_links(survey, settings.ranging) if use_ranges else ()
 
     indexed = index_scans(scans, settings.matching)
-    pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching)
+    separation = least_separation(tuple(indexed), links) if links else None
+    pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching, separation)
     hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
     selection = select_matches(
         indexed,

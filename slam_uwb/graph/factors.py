@@ -129,8 +129,9 @@ def linear_factor(
 ) -> gtsam.LinearContainerFactor:
     """``0.5 (sum of J delta - right)^2`` about the values `at`; three keys, whitened."""
     unit = gtsam.noiseModel.Unit.Create(1)
-    blocks = [part for key, block in jacobians.items() for part in (key, block)]
-    return gtsam.LinearContainerFactor(gtsam.JacobianFactor(*blocks, np.array([right]), unit), at)
+    (k1, j1), (k2, j2), (k3, j3) = jacobians.items()
+    factor = gtsam.JacobianFactor(k1, j1, k2, j2, k3, j3, np.array([right]), unit)
+    return gtsam.LinearContainerFactor(factor, at)
 
 
 def slant_range_factor(

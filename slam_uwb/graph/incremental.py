@@ -112,7 +112,7 @@ def feed_ranges(
     _, slopes, curvatures = ranges.touching(present, safe)
     roots = np.sqrt(curvatures)
     directions = table.directions(present) * roots[:, None]
-    fed = []
+    fed: list[gtsam.NonlinearFactor] = []
     for row, (root, slope) in enumerate(zip(roots, slopes, strict=True)):
         second = directions[row : row + 1]
         # d(pose) in the station's own axes: the direction turned, and the lever's arm.

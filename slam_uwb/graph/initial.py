@@ -27,12 +27,14 @@ from .sightings import (
     spread_ratio,
 )
 
-MAX_CELLS = 40_000
+MAX_CELLS = 20_000
 """The grid becomes coarser on larger sites; minima are wider than its step by far."""
 MAX_STARTS = 6
 """Minima of the grid that are refined; more than four never mattered."""
 MARGIN = 3.0
 """m searched beyond the outermost stations at least."""
+RING = 0.5 * np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
+"""m, about the best place, from where other sides of walls are tried."""
 FAULTY = 0.5
 """A range is taken for a fault where that is likelier than not."""
 
@@ -137,7 +139,6 @@ def _moved(
         rough, _, _ = refine_places(turn.places[k : k + 1], half, height, search, labelled=False)
         fine, _, costs = refine_places(rough, half, height, search)
         places[k], cost = fine[0], cost + float(costs[0])
-    print("gain", single - cost, turn.split, places.tolist()) if __import__("os").environ.get("DBG") else None
     apart = float(np.hypot(*(places[1] - places[0])))
     if apart < search.settings.twin_distance_m or single - cost < search.settings.moved_cost_gap:
         return ()
@@ -214,7 +215,7 @@ def _grid_turn(grid: Grid, settings: GraphSettings) -> Turn | None:
     parts = before[:, splits - 1].min(axis=0) + after[:, splits - 1].min(axis=0)
     split = int(splits[np.argmin(parts)])
     # Cells are coarse, which costs two places more than one: the last word is with refined places.
-    if before[:, -1].min() - parts.min() < settings.moved_cost_gap / 5.0:
+    if before[:, -1].min() - parts.min() < settings.moved_cost_gap / 3.0:
         return None
     cells = grid.cells.reshape(-1, 2)
     best = [cells[np.argmin(side[:, split - 1])] for side in (before, after)]
@@ -229,6 +230,9 @@ def _separate_minima(
     twin = mirror_image(rough[[np.argmin(rough_costs)]], sightings.points)
     places = np.vstack([rough, twin])
     # Labels are those of where a place was: once more with those of where it went.
+    places, _, costs = refine_places(places, sightings, height, search)
+    # An anchor hangs on a wall; on its other side the labels are others, and so is the minimum.
+    places = np.vstack([places, places[np.argmin(costs)] + RING])
     for _ in range(2):
         places, offsets, costs = refine_places(places, sightings, height, search)
     kept: list[int] = []

@@ -8,7 +8,6 @@ Laplace evidence (coupled).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -175,7 +174,7 @@ def _step(
     diagonal = np.einsum("aii->ai", damped)
     diagonal += damping[:, None] * diagonal
     if not coupled:
-        return -np.linalg.solve(damped, gradient[..., None])[..., 0], 0.0
+        return np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0]), 0.0
     inverse = np.linalg.inv(damped)
     pull = prior.own_sigma**-2
     right = (common - prior.common.mean) / prior.common.sigma**2
@@ -185,7 +184,7 @@ def _step(
     right += pull * np.einsum("ai,ai->", inverse[:, 2], gradient)
     common_step = -right / information
     gradient = gradient - pull * common_step * np.array([0.0, 0.0, 1.0])
-    return -np.einsum("aij,aj->ai", inverse, gradient), float(common_step)
+    return np.asarray(-np.einsum("aij,aj->ai", inverse, gradient)), float(common_step)
 
 
 def _common_information(blocks: FloatArray, prior: OffsetPrior) -> float:

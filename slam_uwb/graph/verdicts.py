@@ -69,9 +69,7 @@ def judge_links(
         for belief, fault, error in zip(walls, faults, errors, strict=True)
     ]
     named = _name_swaps(ends, verdicts, errors, density)
-    return {
-        (link.station, link.anchor): verdict for link, verdict in zip(ends, named, strict=True)
-    }
+    return {(link.station, link.anchor): verdict for link, verdict in zip(ends, named, strict=True)}
 
 
 def _name_swaps(

@@ -17,8 +17,8 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import STRIDE, Block, Seen, merge_gains, single_block, within_sight
-from .index import ScanIndex
+from .evidence import STRIDE, Block, Seen, merge_gains, single_block
+from .index import ScanIndex, within_sight
 from .placement import (
     RangeGain,
     aligned_gains,
@@ -64,6 +64,29 @@ def ambiguous_stations(
     close = {s: r for s, r in rivals.items() if r.evidence >= _NEARLY_AS_GOOD * r.own}
     elsewhere = {s: r for s, r in rivals.items() if r.evidence >= _FITS_M}
     return elsewhere if len(elsewhere) >= _ALIASED * len(block.poses) else close
+
+
+def undecided_stations(
+    blocks: Sequence[Block],
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    settings: MatchingSettings,
+) -> int:
+    """How many stations are in blocks that fit the largest one well, but at several places.
+
+    If they outnumber those of the largest block, it may be two equal rooms laid over each other as
+    well as one.
+    """
+    touching = touching_stations(hypotheses)
+    largest, *others = blocks
+    count = 0
+    for other in others:
+        candidates = merge_candidates(largest, other, touching)
+        candidates, gains = aligned_gains(largest, other, candidates, scans, settings)
+        fits = candidates[gains >= settings.min_margin_m]
+        if len(fits) and distant(fits, fits[0], _ELSEWHERE_M, _ELSEWHERE_RAD).any():
+            count += len(other.poses)
+    return count
 
 
 def _rivals(

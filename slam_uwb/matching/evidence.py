@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,9 @@ from ..model.geometry import FloatArray, Pose2
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose, invert
-from .index import ScanIndex
+from .index import ScanIndex, within_sight
 from .score import point_evidence
 
-_NEAR_M = 0.5  # partners lie closer than this
 STRIDE = 2
 """Every second point is enough to weigh walls."""
 
@@ -63,14 +61,6 @@ def evidence_of(seen: Seen, lengths: FloatArray, settings: MatchingSettings) -> 
 def lengths_of(scan: ScanIndex) -> FloatArray:
     """(N,) metres of wall that each of the points looked at stands for."""
     return scan.scan.lengths[::STRIDE] * STRIDE
-
-
-Distance = TypeVar("Distance", float, FloatArray)
-
-
-def within_sight(one: ScanIndex, other: ScanIndex, metres: Distance) -> bool | NDArray[np.bool_]:
-    """Whether two stations `metres` apart can see a wall in common."""
-    return metres <= one.reach + other.reach + _NEAR_M
 
 
 @dataclass(frozen=True, slots=True, eq=False)

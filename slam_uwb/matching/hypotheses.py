@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -15,7 +16,7 @@ from ..model.survey import StationId
 from .batch import distinct
 from .correlative import correlative_matches
 from .covariance import match_covariance
-from .index import ScanIndex
+from .index import ScanIndex, within_sight
 from .landmark import closest_point_count, landmark_matches
 from .refiners import REFINERS
 from .refiners.point_to_line import polish
@@ -101,6 +102,7 @@ def rematch_pairs(
         for target, source in pairs
         if target in placement and source in placement
         for start in [placement[target].inverse() @ placement[source]]
+        if within_sight(scans[target], scans[source], math.hypot(start.x, start.y))
         for scores in [
             score_matches(scans[target], scans[source], start.vector[None, :], settings, 3)
         ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ _TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
 # Oblique to the walls: along a wall that runs between two rows of cells each row would keep the
 # points on its own side, and partners follow the noise of the point that looks for them.
 _TABLE_TURN = 0.5
+_NEAR_M = 0.5  # partners lie closer than this
 DIRECTIONS = 360
 """Bins of the histogram of wall directions."""
 BLOCK = 3
@@ -104,6 +105,14 @@ def _cells(coordinate: FloatArray, origin: float, count: int) -> NDArray[np.int3
     np.maximum(cells, 0.0, out=cells)
     np.minimum(cells, count - 1.0, out=cells)
     return cells.astype(np.int32)
+
+
+Distance = TypeVar("Distance", float, FloatArray)
+
+
+def within_sight(one: ScanIndex, other: ScanIndex, metres: Distance) -> bool | NDArray[np.bool_]:
+    """Whether two stations `metres` apart can see a wall in common."""
+    return metres <= one.reach + other.reach + _NEAR_M
 
 
 def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:

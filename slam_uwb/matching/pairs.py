@@ -7,7 +7,10 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import combinations
 from multiprocessing import get_context
 
+import numpy as np
+
 from ..model.errors import SettingsError
+from ..model.geometry import FloatArray
 from ..model.products import PreparedScan, Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
@@ -21,11 +24,23 @@ _WORTH_PROCESSES = 400  # pairs; below, starting processes costs more than it sa
 
 
 def candidate_pairs(
-    stations: Sequence[StationId], sequence: Sequence[Pair] | None, settings: MatchingSettings
+    stations: Sequence[StationId],
+    sequence: Sequence[Pair] | None,
+    settings: MatchingSettings,
+    separation: FloatArray | None = None,
 ) -> tuple[Pair, ...]:
     """Pairs to be matched, in the survey's order.
 
     `all` takes every pair once, as the sequence orients it; `sequence` those of the sequence alone.
+    In surveys of more than `all_pairs_stations` stations pairs that the ranges put further apart
+    than `near_by_ranges_m` are left out, so that work grows with the stations and not with their
+    square.
+
+    Args:
+        stations: Those with a scan.
+        sequence: The survey's, if it has one.
+        settings: Which pairs.
+        separation: (S, S) m, least distance of each two stations as far as ranges tell.
 
     Raises:
         SettingsError: the sequence is wanted and the survey has none.
@@ -39,7 +54,14 @@ def candidate_pairs(
             )
         return oriented
     named = set(oriented)
-    return tuple((b, a) if (b, a) in named else (a, b) for a, b in combinations(stations, 2))
+    near = np.ones((len(stations), len(stations)), dtype=bool)
+    if separation is not None and len(stations) > settings.all_pairs_stations:
+        near = separation <= settings.near_by_ranges_m
+    return tuple(
+        (b, a) if (b, a) in named else (a, b)
+        for (i, a), (j, b) in combinations(enumerate(stations), 2)
+        if near[i, j] or (a, b) in named or (b, a) in named
+    )
 
 
 def index_scans(

@@ -9,7 +9,7 @@ from ..model.geometry import Pose2
 from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .ambiguity import Rival, ambiguous_stations
+from .ambiguity import Rival, ambiguous_stations, undecided_stations
 from .hypotheses import leave_free_directions, rematch_pairs
 from .index import ScanIndex
 from .pairs import Pair
@@ -40,7 +40,7 @@ class Selection:
     """All hypotheses with rank and reason, the used ones among them."""
     ambiguous: Mapping[StationId, tuple[tuple[Pose2, float], ...]] = field(default_factory=dict)
     """Stations left out since they fit at more than one place: each place in the frame of the
-    placement, with its share of belief."""
+    placement, with its share of belief. No places where the whole map is in doubt."""
 
 
 def select_matches(
@@ -74,7 +74,11 @@ def select_matches(
     if not blocks:
         return Selection({}, (), _with_reasons(hypotheses, (), {}))
     rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain)
-    placement = {s: pose for s, pose in blocks[0].poses.items() if s not in rivals}
+    if undecided_stations(blocks, scans, hypotheses, settings) > len(blocks[0].poses):
+        placement, aliased = {}, blocks[0].poses.keys() - rivals
+    else:
+        placement = {s: pose for s, pose in blocks[0].poses.items() if s not in rivals}
+        aliased = set()
     used = rematch_pairs(scans, placement, pairs, settings)
     for last in (False, True):
         placement = adjust(placement, used)
@@ -92,7 +96,7 @@ def select_matches(
         placement,
         used,
         _with_reasons(hypotheses, used, placement),
-        _places(rivals, blocks[0].poses, placement),
+        _places(rivals, blocks[0].poses, placement) | dict.fromkeys(sorted(aliased), ()),
     )
 
 

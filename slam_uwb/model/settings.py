@@ -67,6 +67,17 @@ class MatchingSettings(_Section):
     """Two scans -> relative poses."""
 
     pairs: Literal["all", "sequence"] = Field("all", description="which pairs are tried")
+    all_pairs_stations: int = Field(
+        40,
+        ge=0,
+        description="in larger surveys with ranges only pairs that these do not put far apart are tried",
+    )
+    near_by_ranges_m: float = Field(
+        8.0,
+        gt=0.0,
+        description="ranges of two stations to their anchors differ by less than this where they may see "
+        "walls in common",
+    )
     initialiser: Literal["correlative", "landmark"] = Field(
         "correlative",
         description="how initial matches are found; `landmark` is the paper's Algorithm 3",
@@ -235,10 +246,10 @@ class GraphSettings(_Section):
         description="a second place within this much cost (negative log likelihood) is not excluded",
     )
     moved_cost_gap: float = Field(
-        15.0,
+        8.0,
         ge=0.0,
         description="an anchor was moved where two places in turn explain its ranges better by more "
-        "(nats; one range that is simply wrong costs 10)",
+        "(nats; simulated anchors that stand still stay below 5, moved ones reach 10 to 50)",
     )
     search_step_m: float = Field(
         0.3,

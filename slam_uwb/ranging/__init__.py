@@ -3,6 +3,7 @@
 from .agreement import RangeGain, range_gain
 from .link_model import LinkModel, link_model
 from .reduce import reduce_anchor_links, reduce_links
+from .separation import least_separation
 from .two_way import asymmetric_bias, asymmetric_distances, symmetric_bias, symmetric_distances
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "RangeGain",
     "asymmetric_bias",
     "asymmetric_distances",
+    "least_separation",
     "link_model",
     "range_gain",
     "reduce_anchor_links",

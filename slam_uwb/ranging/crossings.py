@@ -73,9 +73,10 @@ def cross(pieces: WallPieces, starts: Points, ends: Points) -> Crossings:
     order = np.argsort(code, kind="stable")
     _, first = np.unique(code[order], return_index=True)
     blocked = np.add.reduceat(blocked[order], first) if len(first) else blocked
-    path, along, cosine = (x[order][first] for x in (path, along, cosine))
-    order = np.lexsort((along, path))
-    path, blocked, along, cosine = (x[order] for x in (path, blocked, along, cosine))
+    chosen = order[first]
+    order = np.lexsort((along[chosen], path[chosen]))
+    blocked, chosen = blocked[order], chosen[order]
+    path, along, cosine = path[chosen], along[chosen], cosine[chosen]
     rank = np.arange(len(path)) - np.searchsorted(path, path)
     width = int(rank.max(initial=-1)) + 1
     probability = np.zeros((len(starts), width))

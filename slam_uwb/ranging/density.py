@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 
@@ -59,13 +60,30 @@ class ErrorTable:
 
     def densities(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Densities of errors (...,), their slopes and curvatures, each (..., W), in powers of 1/m."""
+        cell, t = self._cell(errors)
+        c3, c2, c1, c0 = np.moveaxis(self.coefficients[cell], -1, 0)
+        t = t[..., None]
+        inside = (cell >= 0)[..., None]
+        value = (((c3 * t + c2) * t + c1) * t + c0) * inside
+        return (
+            value,
+            ((3.0 * c3 * t + 2.0 * c2) * t + c1) * inside,
+            (6.0 * c3 * t + 2.0 * c2) * inside,
+        )
+
+    def mixture(self, errors: FloatArray, walls: FloatArray) -> FloatArray:
+        """(...,) density of errors (...,) where all links have the same probabilities of walls (W,)."""
+        cell, t = self._cell(errors)
+        c3, c2, c1, c0 = np.einsum("cwk,w->kc", self.coefficients, walls)
+        value = ((c3[cell] * t + c2[cell]) * t + c1[cell]) * t + c0[cell]
+        return np.asarray(value * (cell >= 0))
+
+    def _cell(self, errors: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """The cell of each error, -1 outside of the table, and m from the cell's start."""
         place = (errors - _SHORTEST_M) / _STEP_M
         inside = (place >= 0.0) & (place < len(self.coefficients))
-        cell = np.where(inside, place, 0.0).astype(np.intp)
-        c3, c2, c1, c0 = np.moveaxis(self.coefficients[cell] * inside[..., None, None], -1, 0)
-        t = (np.where(inside, place - cell, 0.0) * _STEP_M)[..., None]
-        value = ((c3 * t + c2) * t + c1) * t + c0
-        return value, (3.0 * c3 * t + 2.0 * c2) * t + c1, 6.0 * c3 * t + 2.0 * c2
+        cell = np.where(inside, place, -1.0).astype(np.intp)
+        return cell, np.where(inside, place - cell, 0.0) * _STEP_M
 
 
 @lru_cache(maxsize=16)
@@ -115,7 +133,15 @@ class LinkDensity:
 
     def costs(self, errors: FloatArray) -> FloatArray:
         """(..., L) negative log likelihood of errors (..., L), m."""
-        return self.expand(errors)[0]
+        rows = self.walls.reshape(-1, self.walls.shape[-1])
+        if len(rows) and not (rows == rows[0]).all():
+            return self.expand(errors)[0]
+        # A search looks at all links alike, and at very many places.
+        share, parameters = self.table.parameters.fault_share, self.table.parameters
+        mixed = share * fault_density(errors, parameters)[0]
+        if len(rows):
+            mixed = mixed + (1.0 - share) * self.table.mixture(errors, rows[0])
+        return -self.weights * np.log(mixed)
 
     def expand(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log likelihood of errors (..., L), m, its slope (1/m) and curvature (1/m^2), each (..., L)."""

@@ -151,7 +151,7 @@ class LinkModel:
         mixed[..., :1] += (1.0 - p.hidden_share) * free + p.false_share * (1.0 - free)
         count = np.arange(MAX_WALLS + 1)
         poisson = p.mean_walls**count / np.cumprod(np.maximum(count, 1))
-        return np.where(np.isnan(mixed), poisson / poisson.sum(), mixed)
+        return np.asarray(np.where(np.isnan(mixed), poisson / poisson.sum(), mixed))
 
 
 def link_model(settings: RangingSettings, find_walls: FindWalls | None = None) -> LinkModel:
@@ -180,7 +180,11 @@ def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkMode
         return cost(changed(z)) + 0.5 * float(z @ z)
 
     start = np.array([PRIORS[n].deviation(getattr(model.parameters, n)) for n in names])
-    options = {"maxiter": 6, "eps": 0.05, "ftol": 1e-4}
-    bounds = [(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names)
-    found = minimize(penalised, start, method="L-BFGS-B", bounds=bounds, options=options)
-    return changed(found.x), float(found.fun)
+    found = minimize(
+        penalised,
+        np.asarray(start, dtype=np.float64),
+        method="L-BFGS-B",
+        bounds=[(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names),
+        options={"maxiter": 6, "eps": 0.05, "ftol": 1e-4},
+    )
+    return changed(np.asarray(found.x)), float(found.fun)

@@ -111,9 +111,7 @@ def main_path(usable: FloatArray, settings: RangingSettings) -> tuple[FloatArray
     if not fair:
         return ordered, float(np.ptp(ordered))
     main = max(fair, key=len)
-    nearer = [
-        p for p in fair if 0.0 <= np.median(main) - np.median(p) <= settings.max_reflection_m
-    ]
+    nearer = [p for p in fair if 0.0 <= np.median(main) - np.median(p) <= settings.max_reflection_m]
     main = nearer[0]
     rivals = [abs(float(np.median(p) - np.median(main))) for p in fair if p is not main]
     return main, min(rivals, default=0.0)

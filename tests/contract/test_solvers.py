@@ -11,19 +11,31 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slam_uwb.graph import SOLVERS
-from slam_uwb.model.errors import DisconnectedSurveyError
+from slam_uwb.model.errors import DisconnectedSurveyError, SolverError
 from slam_uwb.model.geometry import Pose2
-from slam_uwb.model.settings import GraphSettings
+from slam_uwb.model.products import WallPieces
+from slam_uwb.model.settings import GraphSettings, RangingSettings
 from slam_uwb.model.solution import Status
 from slam_uwb.model.survey import KnownPlace, RangeOffset
+from slam_uwb.ranging import link_model
 
 SETTINGS = GraphSettings()
 MODES = sorted(SOLVERS)
 
 
+# A real line of sight has reflections: its density leans to long ranges, its peak lies 1.5 mm beyond
+# zero, and so much is what the joint solver makes of ranges without any error.
+EXACT_TO = {"sequential": 1e-6, "joint": 2e-3}
+
+
 @pytest.fixture(params=MODES)
-def solve(request):
-    return lambda problem: SOLVERS[request.param](problem, SETTINGS)
+def mode(request):
+    return request.param
+
+
+@pytest.fixture
+def solve(mode):
+    return lambda problem: SOLVERS[mode](problem, SETTINGS)
 
 
 def known(scene, *names) -> dict[str, KnownPlace]:
@@ -82,7 +94,7 @@ EXACT = {
 
 
 @pytest.mark.parametrize("case", sorted(EXACT))
-def test_a_noise_free_problem_is_solved_exactly(scene, solve, case):
+def test_a_noise_free_problem_is_solved_exactly(scene, mode, solve, case):
     scene = scene.changed(**EXACT[case](scene))
     rng = np.random.default_rng(1)
 
@@ -91,7 +103,7 @@ def test_a_noise_free_problem_is_solved_exactly(scene, solve, case):
     errors = scene.errors(estimate)
     # Everything is placed but headings that nothing measures.
     assert sum("heading" not in name for name in errors) == len(scene.stations) + len(scene.anchors)
-    assert max(errors.values()) < 1e-6, errors
+    assert max(errors.values()) < EXACT_TO[mode], errors
     assert {item.status for item in (*estimate.stations, *estimate.anchors)} <= {
         Status.OK, Status.WEAK_GEOMETRY,
     }  # fmt: skip
@@ -99,8 +111,8 @@ def test_a_noise_free_problem_is_solved_exactly(scene, solve, case):
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
-@given(seed=st.integers(0, 2**32 - 1), mode=st.sampled_from(MODES))
-def test_any_noise_free_survey_is_solved_exactly(scene, seed, mode):
+@given(seed=st.integers(0, 2**32 - 1))
+def test_any_noise_free_survey_is_solved_exactly(scene, mode, seed):
     rng = np.random.default_rng(seed)
     # Stations a metre and a half apart at least, so that no two share a place.
     spots = [(x, y) for x in (1.0, 4.0, 7.0) for y in (1.0, 4.0, 7.0)]
@@ -115,7 +127,7 @@ def test_any_noise_free_survey_is_solved_exactly(scene, seed, mode):
 
     estimate = SOLVERS[mode](scene.problem(), SETTINGS)
 
-    assert max(scene.errors(estimate).values()) < 1e-6
+    assert max(scene.errors(estimate).values()) < EXACT_TO[mode]
     assert all(anchor.position is not None for anchor in estimate.anchors)
 
 
@@ -218,7 +230,7 @@ def test_stations_in_line_leave_two_places_and_none_is_chosen(scene, solve):
 
     assert (anchor.status, anchor.position) == (Status.MIRROR_AMBIGUOUS, None)
     found = sorted((other.x, other.y) for other in anchor.alternatives)
-    np.testing.assert_allclose(found, [(4.0, -5.0), (4.0, 5.0)], atol=1e-5)
+    np.testing.assert_allclose(found, [(4.0, -5.0), (4.0, 5.0)], atol=2e-2)
     assert sum(other.weight for other in anchor.alternatives) == pytest.approx(1.0)
     assert anchor.alternatives[0].weight == pytest.approx(0.5, abs=1e-3)
 
@@ -314,7 +326,7 @@ def test_ranges_without_a_tag_height_are_not_used(scene, solve):
     assert {s.status for s in estimate.stations} == {Status.OK}
 
 
-def test_rejected_links_keep_their_reason_and_do_not_move_the_anchor(scene, solve):
+def test_rejected_links_keep_their_reason_and_do_not_move_the_anchor(scene, mode, solve):
     problem = scene.changed(long_ranges={("s02", "A1"): 4.0}).problem()
     links = tuple(
         replace(k, rejection="dropped by hand") if (k.station, k.anchor) == ("s02", "A1") else k
@@ -323,10 +335,10 @@ def test_rejected_links_keep_their_reason_and_do_not_move_the_anchor(scene, solv
 
     estimate = solve(replace(problem, links=links))
 
-    assert max(scene.errors(estimate).values()) < 1e-6
+    assert max(scene.errors(estimate).values()) < EXACT_TO[mode]
     (link,) = (k for k in estimate.links if k.rejection is not None)
     assert link.rejection == "dropped by hand"
-    assert link.residual == pytest.approx(4.0, abs=1e-5)
+    assert link.residual == pytest.approx(4.0, abs=EXACT_TO[mode])
     assert {a.id: a.stations for a in estimate.anchors}["A1"] == len(scene.stations) - 1
 
 
@@ -374,7 +386,6 @@ def test_a_residual_is_measured_minus_predicted(scene, solve):
     assert max(abs(r) for pair, r in residuals.items() if pair != ("s05", "A4")) < 0.3
 
 
-@pytest.mark.parametrize("mode", MODES)
 def test_pose_errors_are_what_the_covariances_say(scene, mode):
     # NEES of 33 pose coordinates together, 40 seeds: chi-square with 1320 degrees of freedom,
     # mean 1320, standard deviation 51; four of them either way.
@@ -530,4 +541,170 @@ def test_an_anchor_range_tells_the_sides_of_a_corridor_apart(scene):
 
     anchor = {a.id: a for a in estimate.anchors}["B"]
     assert anchor.position is not None
-    assert scene.errors(estimate)["B"] < 1e-6
+    assert scene.errors(estimate)["B"] < EXACT_TO["joint"]
+
+
+# --- walls and faults -------------------------------------------------------------------------------
+
+
+def anchor_of(estimate, name):
+    return {a.id: a for a in estimate.anchors}[name]
+
+
+def reasons(estimate) -> dict[tuple[str, str], str]:
+    return {(k.station, k.anchor): k.rejection for k in estimate.links if k.rejection is not None}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gross_faults_are_named_and_move_nothing(scene, seed):
+    # Too long or short, on a sixth of the links; without a map, up to 4 m too long may be walls.
+    rng = np.random.default_rng(seed)
+    faults = {}
+    for anchor in scene.anchors:
+        for station in rng.permutation(sorted(scene.stations))[:2]:
+            jump = rng.uniform(4.0, 30.0)
+            short = rng.random() < 0.5 and scene.slant(station, anchor) > jump + 0.3
+            faults[str(station), anchor] = -jump if short else jump
+    clean = scene.changed(range_noise=0.05, match_noise=1.0, seed=seed)
+    estimate = joint(clean.changed(long_ranges=faults).problem())
+
+    assert statuses(estimate) == statuses(joint(clean.problem()))
+    assert reasons(estimate).keys() == faults.keys()
+    for pair, reason in reasons(estimate).items():
+        assert ("short" if faults[pair] < 0.0 else "long") in reason
+    assert max(scene.errors(estimate)[name] for name in scene.anchors) < 0.2
+
+
+def test_identifiers_swapped_at_one_station_are_named(scene):
+    problem = scene.changed(range_noise=0.05).problem()
+    first, second = ("s03", "A1"), ("s03", "A3")
+    of = {(k.station, k.anchor): k.distance for k in problem.links}
+    swapped = {first: of[second], second: of[first]}
+    links = tuple(
+        replace(k, distance=swapped.get((k.station, k.anchor), k.distance)) for k in problem.links
+    )
+
+    estimate = joint(replace(problem, links=links))
+
+    assert reasons(estimate) == {
+        first: "fits anchor A3: identifiers swapped at this station",
+        second: "fits anchor A1: identifiers swapped at this station",
+    }
+    assert max(scene.errors(estimate)[name] for name in scene.anchors) < 0.1
+
+
+@pytest.mark.parametrize("split", [4, 6, 8])
+def test_an_anchor_that_was_moved_is_not_placed_and_both_places_are_told(scene, split):
+    later = list(scene.stations)[split:]
+    problem = scene.changed(range_noise=0.05).problem()
+    there = scene.changed(anchors={**scene.anchors, "A2": (8.0, -2.0, 2.4)})
+    shift = {name: there.slant(name, "A2") - scene.slant(name, "A2") for name in later}
+    links = tuple(
+        replace(k, distance=k.distance + shift[k.station])
+        if k.anchor == "A2" and k.station in shift
+        else k
+        for k in problem.links
+    )
+
+    estimate = joint(replace(problem, links=links))
+
+    moved = anchor_of(estimate, "A2")
+    assert (moved.status, moved.position) == (Status.AMBIGUOUS, None)
+    frame_T_plan = scene.stations["s01"].inverse()
+    places = frame_T_plan.transform([(10.0, 0.2), (8.0, -2.0)])
+    found = [(other.x, other.y) for other in moved.alternatives]
+    np.testing.assert_allclose(found, places, atol=0.6)  # four ranges are few
+    assert [other.weight for other in moved.alternatives] == pytest.approx(
+        [split / 12, 1 - split / 12], abs=1e-9
+    )
+    assert "moved" in reasons(estimate)["s01", "A2"]
+    assert {s for n, s in statuses(estimate).items() if n != "A2"} == {Status.OK}
+
+
+WALL = ((5.4, -5.0), (5.4, 12.0))
+"""Across the survey: five stations and two anchors on the right of it."""
+
+
+def walled(scene, seed):
+    """Ranges through the wall 0.2 to 2 m long, and a map that shows the wall."""
+    rng = np.random.default_rng(seed)
+    errors = {
+        (s, a): float(rng.gamma(1.3, 0.5 / 1.3))
+        for s, pose in scene.stations.items()
+        for a, place in scene.anchors.items()
+        if (pose.x < 5.4) != (place[0] < 5.4)
+    }
+    drawn = scene.changed(
+        long_ranges=errors, range_noise=0.07, true_offset=0.2, range_offset=None, seed=seed
+    )
+    ends = np.array([scene.stations["s01"].inverse().transform(WALL)])
+    pieces = WallPieces(ends, np.zeros(1), np.full(1, 0.96))
+    return drawn, drawn.problem(), link_model(RangingSettings(), lambda _poses: pieces)
+
+
+def test_walls_tell_which_ranges_are_long(scene):
+    with_map, without = [], []
+    for seed in range(4):
+        drawn, problem, model = walled(scene, seed)
+        for errors, posed in ((without, problem), (with_map, replace(problem, link_model=model))):
+            found = drawn.errors(joint(posed))
+            errors.extend(found[name] ** 2 for name in scene.anchors)
+
+    assert np.mean(with_map) < 0.8 * np.mean(without)
+
+
+def test_links_say_how_many_walls_they_cross(scene):
+    drawn, problem, model = walled(scene, 1)
+
+    estimate = joint(replace(problem, link_model=model))
+
+    for link in estimate.links:
+        behind = (link.station, link.anchor) in drawn.long_ranges
+        # The map is believed at 96 %, the range has its say too.
+        assert (link.nlos_probability > 0.5) == behind or abs(link.residual) > 0.3
+        assert 0.0 <= link.walls <= 4.0
+
+
+def test_an_anchor_on_a_wall_settles_on_one_side(scene):
+    # Which side of the wall the anchor is on decides whether six links cross it, and these say where
+    # it is: the rounds must end, at the same place from either side.
+    on_wall = scene.changed(anchors={**scene.anchors, "A5": (5.4, 6.2, 2.1)})
+    _, problem, model = walled(on_wall, 2)
+
+    one, other = (
+        joint(replace(problem, link_model=model, placement=placement))
+        for placement in (problem.placement, disturbed(problem, np.random.default_rng(0)).placement)
+    )
+
+    for name, place in places(one).items():
+        np.testing.assert_allclose(places(other)[name], place, atol=1e-3, err_msg=name)
+    assert one.checks.isam2_batch_gap < 1e-4
+
+
+def test_calibrated_radios_in_line_of_sight_are_least_squares(scene):
+    settings = GraphSettings(radios="calibrated")
+    ratios = []
+    for seed in range(8):
+        drawn = scene.changed(range_noise=0.07, range_offset=None, seed=seed)
+        rms = {}
+        for mode in MODES:
+            errors = drawn.errors(SOLVERS[mode](drawn.problem(), settings))
+            rms[mode] = math.sqrt(np.mean([errors[name] ** 2 for name in scene.anchors]))
+        ratios.append(rms["joint"] / rms["sequential"])
+
+    assert max(ratios) < 1.05
+
+
+def test_an_offset_that_is_there_is_not_dropped(scene):
+    for seed in range(4):
+        drawn = scene.changed(range_noise=0.07, range_offset=None, true_offset=0.25, seed=seed)
+
+        (bias,) = joint(drawn.problem()).biases
+
+        assert abs(bias.mean - 0.25) < 3.0 * bias.sigma
+        assert bias.sigma > 0.01
+
+
+def test_without_a_model_of_the_links_there_is_no_joint_solution(scene):
+    with pytest.raises(SolverError, match="model of the links"):
+        joint(replace(scene.problem(), link_model=None))

@@ -14,7 +14,6 @@ from slam_uwb.model.survey import RangeOffset
 from slam_uwb.ranging import link_model
 
 
-
 def search(offset=0.0, sigma=0.05, **settings) -> Search:
     prior = OffsetPrior(RangeOffset(offset, sigma), 0.05)
     return Search(link_model(RangingSettings()), prior, GraphSettings(**settings))

@@ -71,7 +71,9 @@ def test_fitting_finds_the_parameters_of_many_links():
     # 4000 errors drawn from the model's own densities; the prior hardly matters then.
     rng = np.random.default_rng(3)
     truth = replace(LinkParameters(), sight_sigma=0.07, wall_delay=0.6, hidden_share=0.2)
-    labels = MAPPED.labels(np.zeros((4000, 2)), np.where(np.arange(4000)[:, None] % 2, (6, 0), (2, 0)))
+    labels = MAPPED.labels(
+        np.zeros((4000, 2)), np.where(np.arange(4000)[:, None] % 2, (6, 0), (2, 0))
+    )
     hidden = rng.random(4000) < np.where(labels[:, 0] > 0.5, 0.2, 0.95)
     count = np.where(hidden, 1 + ((labels[:, 0] > 0.5) & (rng.random(4000) < 0.3)), 0)
     delays = rng.gamma(1.3 * np.maximum(count, 1e-9), 0.6 / 1.3)
