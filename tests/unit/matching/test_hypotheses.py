@@ -4,7 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam_uwb.matching.hypotheses import describe_match, match_pair, rematch_pairs
+from slam_uwb.matching.hypotheses import (
+    describe_match,
+    leave_free_directions,
+    match_pair,
+    rematch_pairs,
+)
 from slam_uwb.model.geometry import Pose2
 
 SIDE_BY_SIDE = [("s1", "s2"), ("s2", "s3"), ("s3", "s4"), ("s4", "s5"), ("s5", "s6"), ("s6", "s7")]
@@ -197,3 +202,25 @@ def test_matches_are_values(three_room_hypotheses):
     with pytest.raises(ValueError, match="read-only"):
         match.covariance[0, 0] = 0.0
     assert replace(match, rank=5).rank == 5
+
+
+def test_what_walls_leave_free_stays_where_the_placement_has_it(view, corridor, settings):
+    """Two scans of a corridor slid along it: across, the match decides; along, the placement."""
+    rng = np.random.default_rng(5)
+    target = view("a", corridor, Pose2.identity(), rng, 0.01)
+    source = view("b", corridor, Pose2(1.0, 0.3, 0.0), rng, 0.01)
+    match = describe_match(target, source, np.array([1.4, 0.3, 0.0]), 0, settings)
+    assert match.degenerate
+    left = leave_free_directions(match, Pose2(0.9, 0.36, 0.02)).target_T_source
+    # The heading of the start is 0.02: its long axis is the corridor's but for 0.02 x 0.5 m.
+    assert left.x == pytest.approx(0.9, abs=0.02)
+    assert left.y == pytest.approx(0.3, abs=0.02)
+    assert left.theta == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_match_that_walls_hold_is_left_as_it_is(three_room_scans, three_room_poses, settings):
+    pose = three_room_poses["s1"].inverse() @ three_room_poses["s2"]
+    match = describe_match(three_room_scans["s1"], three_room_scans["s2"], pose.vector, 0, settings)
+    left = leave_free_directions(match, pose @ Pose2(0.1, -0.1, 0.05)).target_T_source
+    assert left.distance_to(pose) < 1e-9
+    assert left.angle_to(pose) < 1e-9

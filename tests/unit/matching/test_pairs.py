@@ -1,3 +1,5 @@
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,18 @@ def test_several_processes_find_the_same_to_the_last_digit(
     assert numbers(parallel) == numbers(three_room_hypotheses)
     assert told[-1] == ("matching scans", len(three_room_pairs), len(three_room_pairs))
     assert len(told) == len(three_room_pairs)
+
+
+def test_in_large_surveys_pairs_that_ranges_put_apart_are_left_out(settings):
+    """Six stations in a row 4 m apart: within 8 m each has its next two neighbours."""
+    stations = tuple("abcdef")
+    places = 4.0 * np.arange(6)
+    apart = np.abs(places[:, None] - places)
+    few = settings.model_copy(update={"all_pairs_stations": 5})
+    pairs = candidate_pairs(stations, None, few, apart)
+    assert pairs == tuple((a, b) for a, b in combinations(stations, 2) if ord(b) - ord(a) <= 2)
+    # The sequence is the operator's word, whatever the ranges say.
+    assert ("f", "a") in candidate_pairs(stations, (("f", "a"),), few, apart)
+    # Small surveys try all, and so do surveys without ranges.
+    assert len(candidate_pairs(stations, None, settings, apart)) == 15
+    assert len(candidate_pairs(stations, None, few)) == 15

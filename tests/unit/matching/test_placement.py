@@ -1,12 +1,20 @@
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from slam_uwb.matching.evidence import merge_blocks, single_block
 from slam_uwb.matching.hypotheses import describe_match, match_pair
-from slam_uwb.matching.placement import place_stations
+from slam_uwb.matching.placement import (
+    _best_merge,
+    _second_look,
+    no_ranges,
+    place_stations,
+    touching_stations,
+)
 from slam_uwb.model.geometry import Pose2
 
 
@@ -225,3 +233,61 @@ def test_without_hypotheses_every_station_is_alone(three_room_scans, settings, c
     assert [list(block.poses) for block in place_stations(scans, (), settings)] == [
         [station] for station in scans
     ]
+
+
+@pytest.fixture
+def drifted_parts(three_room_scans, three_room_poses, settings):
+    """Two parts of three rooms, each with a station that drifted while it grew."""
+
+    def part(names, drifted, drift):
+        block = single_block(names[0], three_room_scans[names[0]])
+        for name in names[1:]:
+            place = three_room_poses[names[0]].inverse() @ three_room_poses[name]
+            place = place @ drift if name == drifted else place
+            alone = single_block(name, three_room_scans[name])
+            block = merge_blocks(block, alone, place.vector, three_room_scans, settings)
+        return block
+
+    drift = Pose2(0.25, -0.2, 0.06)
+    return part(("s1", "s2", "s3"), "s3", drift), part(("s4", "s5", "s6", "s7"), "s4", drift)
+
+
+def test_parts_that_drifted_merge_once_their_stations_may_move(
+    three_room_scans, three_room_hypotheses, three_room_poses, drifted_parts, settings
+):
+    truth = three_room_poses
+    best_merge = partial(
+        _best_merge,
+        scans=three_room_scans,
+        touching=touching_stations(three_room_hypotheses),
+        settings=settings,
+        range_gain=no_ranges,
+    )
+
+    def settle(poses):
+        first = next(iter(poses))
+        return {station: truth[first].inverse() @ truth[station] for station in poses}
+
+    blocks = dict(enumerate(drifted_parts))
+    assert best_merge(*drifted_parts) is None
+    assert _second_look(blocks, best_merge, three_room_scans, settings, dict) is None
+    pair, merged = _second_look(blocks, best_merge, three_room_scans, settings, settle)
+    assert pair == (0, 1)
+    assert merged.poses.keys() == truth.keys()
+    assert_at_the_truth(merged.poses, truth)
+
+
+def test_what_settling_cannot_mend_stays_apart(
+    three_room_scans, three_room_poses, drifted_parts, settings
+):
+    """One hypothesis, through the wall: no settling makes the walls agree."""
+    wrong = three_room_poses["s3"].inverse() @ three_room_poses["s4"] @ Pose2(1.5, 1.0, 1.0)
+    best_merge = partial(
+        _best_merge,
+        scans=three_room_scans,
+        touching=touching_stations([hypothesis(three_room_scans, "s3", "s4", wrong, settings)]),
+        settings=settings,
+        range_gain=no_ranges,
+    )
+    blocks = dict(enumerate(drifted_parts))
+    assert _second_look(blocks, best_merge, three_room_scans, settings, dict) is None
