@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from ._version import __version__
 from .graph import SOLVERS, adjust_placement
@@ -60,8 +61,13 @@ def solve_survey(
     settings = settings or Settings()
     # By name, not in the survey's order: which scan is fitted to which must not depend on it.
     stations = sorted(survey.stations, key=lambda station: station.id)
-    recordings = {station.id: station.scan for station in stations if station.scan is not None}
-    scans = {name: prepare_scan(name, scan, settings.scan) for name, scan in recordings.items()}
+    reduced = {s.id: reduce_scan(s.scan, settings.scan) for s in stations if s.scan is not None}
+    scans = {name: prepare_scan(name, scan, settings.scan) for name, scan in reduced.items()}
+    upper_scans = {
+        s.id: prepare_scan(s.id, s.upper_scan, settings.scan)
+        for s in stations
+        if s.upper_scan is not None
+    }
     links = reduce_links(survey, settings.ranging) if use_ranges else ()
 
     indexed = index_scans(scans, settings.matching)
@@ -89,7 +95,9 @@ def solve_survey(
         sequence=survey.sequence,
         link_model=link_model(
             settings.ranging,
-            (lambda poses: find_walls(scans, poses, settings.mapping)) if scans else None,
+            partial(find_walls, scans, settings=settings.mapping, upper_scans=upper_scans)
+            if scans
+            else None,
         ),
     )
     progress("estimating poses and anchors", 0, 1)
@@ -98,7 +106,6 @@ def solve_survey(
 
     poses = {s.id: s.pose for s in estimate.stations if s.pose is not None and s.id in scans}
     floor_map = build_floor_map(scans, poses, settings.mapping) if poses else None
-    reduced = {name: reduce_scan(scan, settings.scan) for name, scan in recordings.items()}
     return _solution(survey, settings, estimate, selection.matches, floor_map, reduced)
 
 
