@@ -3,20 +3,39 @@
 Reading finds every fault of a folder before it gives up; writing leaves a whole folder or none.
 """
 
+from .growing_survey import (
+    check_height,
+    check_station_name,
+    known_radios,
+    put_anchor,
+    read_time_zero,
+    recorded_stations,
+    start_survey,
+)
 from .reference import read_reference
 from .settings_file import format_settings, read_settings
 from .solution_folder import read_solution, write_solution
+from .station_recording import StationRecording, recording_station
 from .survey_folder import SurveyCheck, check_survey, read_survey
 from .survey_writer import write_survey
 
 __all__ = [
+    "StationRecording",
     "SurveyCheck",
+    "check_height",
+    "check_station_name",
     "check_survey",
     "format_settings",
+    "known_radios",
+    "put_anchor",
     "read_reference",
     "read_settings",
     "read_solution",
     "read_survey",
+    "read_time_zero",
+    "recorded_stations",
+    "recording_station",
+    "start_survey",
     "write_solution",
     "write_survey",
 ]

@@ -123,3 +123,19 @@ def _gunzip(raw: bytes, max_bytes: int) -> bytes:
             return stream.read()
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ValueError(f"is no whole gzip file: {error}") from None
+
+
+def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> FileContent:
+    """A file that the user names, anywhere; ``.gz`` is uncompressed.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is no regular file, larger than `max_bytes` (uncompressed too), or no whole gzip file.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("is no regular file")
+    if status.st_size > max_bytes:
+        raise ValueError(f"holds {status.st_size:,} bytes, the limit is {max_bytes:,}")
+    raw = path.read_bytes()
+    return FileContent(str(path), _gunzip(raw, max_bytes) if path.suffix == ".gz" else raw)

@@ -1,0 +1,1 @@
+"""Instruments: bytes <-> samples (`frames`), serial ports (`ports`), and devices to test with (`emulator`)."""

@@ -1,0 +1,1 @@
+"""Bytes -> samples: pure functions that find the sound frames of a damaged stream and count the rest."""

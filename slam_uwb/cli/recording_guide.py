@@ -1,0 +1,111 @@
+"""What the operator is asked while recording. An end of input ends the session."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import click
+import typer
+
+from ..model.errors import CaptureError, SlamUwbError
+
+_MAX_UNCONFIRMED_M = 6.0
+"""A ceiling is rarely higher; an anchor there may be given in feet."""
+
+
+def ask_station(survey: Path) -> str | None:
+    """The identifier of the station to record next; None to end."""
+    from ..io import check_station_name, recorded_stations
+
+    known = recorded_stations(survey)
+    broken = [name for name, item in known.items() if not item.complete]
+    if broken:
+        typer.echo(f"broke off, can be recorded again: {', '.join(broken)}")
+    suggested = broken[0] if broken else _next_name(list(known))
+    while True:
+        answer = _ask(f"Set up the tripod. Station to record (q ends) [{suggested}]")
+        if answer is None or answer.lower() == "q":
+            return None
+        station = answer or suggested
+        try:
+            check_station_name(station)
+        except SlamUwbError as error:
+            typer.echo(str(error))
+            continue
+        if station not in known or not known[station].complete:
+            return station
+        again = _ask(f"{station} is recorded already: record it again? (y/n) [n]")
+        if again is None or again.lower() in ("y", "yes"):
+            return station if again else None
+
+
+def _next_name(known: Sequence[str]) -> str:
+    number = len(known) + 1
+    while f"s{number:02d}" in known:
+        number += 1
+    return f"s{number:02d}"
+
+
+def ask_heights(survey: Path, radios: Sequence[str]) -> None:
+    """The heights of anchors that the survey does not list; asked once for each."""
+    from ..io import check_height, known_radios, put_anchor
+
+    known = known_radios(survey)
+    for radio in radios:
+        if radio in known:
+            continue
+        height = ask_number(
+            f"Anchor {radio}, height of its antenna above the floor in m "
+            "(empty: not measured, -: not one of ours)",
+            check_height,
+            may_be_empty=True,
+        )
+        if height is not None:
+            put_anchor(survey, radio, None if math.isnan(height) else height)
+
+
+def ask_number(
+    question: str, check: Callable[[float], None], *, may_be_empty: bool = False
+) -> float | None:
+    """A number that `check` (raises SlamUwbError) lets pass; NaN for an empty answer, None for `-` or none.
+
+    Raises:
+        click.Abort: the input ended where an answer is needed.
+    """
+    while True:
+        answer = _ask(question)
+        if answer is None and not may_be_empty:
+            raise click.Abort
+        if answer is None or (answer == "-" and may_be_empty):
+            return None
+        if not answer and may_be_empty:
+            return math.nan
+        try:
+            value = float(answer.replace(",", "."))
+            check(value)
+        except (ValueError, SlamUwbError) as error:
+            typer.echo(f"expected a height in metres, e.g. 2.45 ({error})")
+            continue
+        if value <= _MAX_UNCONFIRMED_M or (_ask(f"{value:g} m, sure? (y/n)") or "").lower() in (
+            "y",
+            "yes",
+        ):
+            return value
+
+
+def ask_reconnect(error: CaptureError) -> bool:
+    """Whether to try again after an instrument failed."""
+    typer.echo(f"{error}", err=True)
+    answer = _ask("Look at the instrument and its cable. Enter connects again, q ends")
+    return answer is not None and answer.lower() != "q"
+
+
+def _ask(question: str) -> str | None:
+    """A line without blanks around it; None where the input ended."""
+    try:
+        return input(f"{question}: ").strip()
+    except EOFError:
+        typer.echo()
+        return None

@@ -1,0 +1,139 @@
+"""Real pyserial ports at emulated instruments, on a clock that runs faster than the host's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from slam_uwb.capture.clock import Clock
+from slam_uwb.capture.emulator import (
+    Dwm1001Emulator,
+    Faults,
+    SweepEmulator,
+    Tripod,
+    play_survey,
+    plugged_in,
+)
+from slam_uwb.capture.ports import LIDARS, TAGS, Instrument, connected
+from slam_uwb.model.survey import Survey
+from slam_uwb.simulate import Lidar, Radio, simulate_survey
+
+
+class SteppedClock(Clock):
+    """Time passes only while the emulator runs: a busy machine makes a test slow, not wrong.
+
+    It is a device itself, which sends nothing and moves the time on at each round of the emulator.
+    """
+
+    __slots__ = ("moment",)
+
+    def __init__(self, speed: float) -> None:
+        super().__init__(speed)
+        object.__setattr__(self, "moment", 1000.0)
+
+    def now(self) -> float:
+        return self.moment
+
+    def sleep(self, duration: float) -> None:
+        end = self.moment + duration
+        while self.moment < end:
+            time.sleep(0.0005)
+
+    def patience(self, limit: float) -> float:
+        return limit
+
+    def power_on(self, now: float) -> None:
+        pass
+
+    def receive(self, data: bytes, now: float) -> bytes:
+        return b""
+
+    def stream(self, now: float) -> bytes:
+        object.__setattr__(self, "moment", self.moment + 0.002 * self.speed)
+        return b""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Two instruments that may be connected."""
+
+    sweep: SweepEmulator
+    tag: Dwm1001Emulator
+    folder: Path
+    clock: Clock
+    faults: dict[Path, Faults]
+
+    @contextmanager
+    def connect(self) -> Iterator[list[Instrument]]:
+        with ExitStack() as stack:
+            yield [
+                stack.enter_context(connected(device, str(self.folder / name), self.clock))
+                for device, name in ((LIDARS["sweep"], "sweep"), (TAGS["dwm1001"], "tag"))
+            ]
+
+    def unplug_sweep(self, at: float) -> None:
+        """Pull its cable so many s into the next stream; it comes back soon after."""
+        self.faults[self.folder / "sweep"] = Faults(unplug_at=at, replug_after=2.0)
+
+    def await_sweep(self) -> None:
+        deadline = time.monotonic() + 5.0
+        while not (self.folder / "sweep").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+
+
+def short_survey(scene: str, seed: int, seconds: float) -> Survey:
+    lidar = Lidar(duration=seconds, upper_duration=0.0)
+    return simulate_survey(
+        scene, seed, lidar=lidar, radio=Radio(duration=seconds), sequence=False
+    ).survey
+
+
+@pytest.fixture
+def clock() -> SteppedClock:
+    """To be plugged in beside the devices that go by it."""
+    return SteppedClock(20.0)
+
+
+@pytest.fixture
+def make_bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
+    with ExitStack() as stack:
+
+        def make(survey: Survey, speed: float = 20.0, faults: Faults | None = None) -> Bench:
+            tripod: Tripod = play_survey(survey, 500.0)
+            ports = tmp_path / "ports"
+            ports.mkdir()
+            spoilt = {} if faults is None else {ports / "sweep": faults}
+            sweep, tag = SweepEmulator(tripod), Dwm1001Emulator(tripod)
+            bench = Bench(sweep, tag, ports, SteppedClock(speed), spoilt)
+            stack.enter_context(
+                plugged_in(
+                    {
+                        ports / "sweep": bench.sweep,
+                        ports / "tag": bench.tag,
+                        ports / "clock": bench.clock,
+                    },
+                    clock=bench.clock,
+                    faults=spoilt,
+                )
+            )
+            return bench
+
+        yield make
+
+
+@pytest.fixture(scope="session")
+def flat() -> Survey:
+    """Ten stations of three seconds."""
+    return short_survey("flat", 3, 3.0)
+
+
+@pytest.fixture(scope="session")
+def paper_office() -> Survey:
+    """The paper's eighteen stations, four seconds each."""
+    return short_survey("paper-office", 1, 4.0)

@@ -1,0 +1,197 @@
+"""`slam-uwb record` against emulated instruments: what is asked, what is written, how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from slam_uwb.capture.clock import Clock
+from slam_uwb.capture.emulator import (
+    Dwm1001Emulator,
+    Faults,
+    SweepEmulator,
+    play_survey,
+    plugged_in,
+)
+from slam_uwb.io import check_survey, recorded_stations
+from slam_uwb.simulate import Lidar, Radio, simulate_survey
+
+SPEED = 20
+
+
+@dataclass
+class Setup:
+    """Instruments at two ports."""
+
+    sweep: SweepEmulator
+    tag: Dwm1001Emulator
+    arguments: list[str]
+    faults: dict[Path, Faults]
+
+
+@pytest.fixture
+def setup(tmp_path: Path) -> Iterator[Setup]:
+    lidar = Lidar(duration=3.0, upper_duration=0.0)
+    survey = simulate_survey("flat", 3, lidar=lidar, radio=Radio(duration=3.0)).survey
+    tripod = play_survey(survey, 500.0)
+    sweep, tag = SweepEmulator(tripod), Dwm1001Emulator(tripod)
+    ports = {tmp_path / "sweep": sweep, tmp_path / "tag": tag}
+    arguments = ["--lidar", f"sweep:{tmp_path / 'sweep'}", "--uwb", f"dwm1001:{tmp_path / 'tag'}"]
+    faults: dict[Path, Faults] = {}
+    with plugged_in(ports, clock=Clock(SPEED), faults=faults):
+        yield Setup(sweep, tag, [*arguments, "--speed", str(SPEED), "--seconds", "3"], faults)
+
+
+def record(program: str, folder: Path, setup: Setup, answers: list[str], *more: str):
+    return subprocess.run(
+        [program, "record", str(folder), *setup.arguments, *more],
+        input="".join(f"{answer}\n" for answer in answers),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_a_guided_session(program, setup, tmp_path):
+    folder = tmp_path / "survey"
+    # The tag's height in centimetres first; then s01 and the heights of its five anchors.
+    answers = ["140", "1.40", "", "2.4", "2,5", "25.0", "n", "2.6", "", "-", "../x", "", "q"]
+    done = record(program, folder, setup, answers, "--raw")
+    assert done.returncode == 0, done.stderr
+    assert "Scanse Sweep on" in done.stdout
+    assert "points a revolution" in done.stdout
+    assert "a station's name is" in done.stdout
+    assert "2 of 2 placed" in done.stdout
+    assert "█" in done.stdout
+    check = check_survey(folder)
+    assert check.faults == ()
+    survey = check.survey
+    assert [station.id for station in survey.stations] == ["s01", "s02"]
+    assert all(station.complete for station in survey.stations)
+    assert survey.stations[0].tag_height == 1.4
+    assert [(anchor.id, anchor.height) for anchor in survey.anchors] == [
+        ("D001", 2.4),
+        ("D002", 2.5),
+        ("D003", 2.6),
+        ("D004", None),
+    ]
+    # The fifth is somebody else's: heard, but not listed.
+    assert any("D005" in str(warning) for warning in check.warnings)
+    log = json.loads((folder / "recordings/log/s01.json").read_text())
+    assert log["instruments"][0]["serial"] == "00002152"
+    assert log["scan"]["tally"]["received"] == (
+        (folder / "recordings/raw/s01/sweep.bin").stat().st_size
+    )
+    assert setup.sweep.motor == 0
+
+
+def test_a_session_is_gone_on_with_and_heights_are_asked_once(program, setup, tmp_path):
+    folder = tmp_path / "survey"
+    first = record(program, folder, setup, ["1.4", "", *["2.4"] * 5, "q"], "--no-solve")
+    assert first.returncode == 0, first.stderr
+    again = record(program, folder, setup, ["", "s01", "y", "q"], "--no-solve")
+    assert again.returncode == 0, again.stderr
+    assert "Height" not in again.stdout
+    assert "height of its antenna" not in again.stdout
+    assert list(recorded_stations(folder)) == ["s02", "s01"]
+    # What was recorded first is not lost.
+    kept = folder / "recordings/replaced/s01/1"
+    assert (kept / "scans-s01.csv").exists()
+    assert (kept / "ranges.csv").read_text().count("s01,") > 10
+    assert check_survey(folder).faults == ()
+
+
+def test_after_unplugging_the_station_is_recorded_again(program, setup, tmp_path):
+    folder = tmp_path / "survey"
+    (sweep,) = [Path(a.partition(":")[2]) for a in setup.arguments if a.startswith("sweep:")]
+    setup.faults[sweep] = Faults(unplug_at=1.0, replug_after=0.0)
+    # s01 breaks off; its anchors are heard all the same; Enter connects again, Enter records s01 again.
+    answers = ["1.4", "", *["2.4"] * 5, "", "", "q"]
+    done = record(program, folder, setup, answers, "--no-solve")
+    assert done.returncode == 0, done.stderr
+    assert "broke off" in done.stdout
+    assert "unplugged" in done.stderr
+    assert recorded_stations(folder)["s01"].complete
+
+
+def test_an_instrument_that_fails_for_good_ends_with_4(program, setup, tmp_path):
+    folder = tmp_path / "survey"
+    (sweep,) = [Path(a.partition(":")[2]) for a in setup.arguments if a.startswith("sweep:")]
+    setup.faults[sweep] = Faults(unplug_at=1.0, replug_after=1e9)
+    done = record(program, folder, setup, ["1.4", "", *["2.4"] * 5, "q"], "--no-solve")
+    assert done.returncode == 4
+    assert not recorded_stations(folder)["s01"].complete
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_the_motor_and_keeps_what_was_recorded(program, setup, tmp_path, number):
+    folder = tmp_path / "survey"
+    setup.arguments[setup.arguments.index("--seconds") + 1] = "600"
+    process = subprocess.Popen(
+        [program, "record", str(folder), *setup.arguments, "--tag-height-m", "1.4"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={**os.environ},
+        text=True,
+    )
+    try:
+        process.stdin.write("s01\n")
+        process.stdin.flush()
+        deadline = time.monotonic() + 20.0
+        while not (folder / "ranges.csv").exists():
+            assert time.monotonic() < deadline
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert setup.sweep.motor == 0
+    assert not setup.sweep.streaming
+    assert not setup.tag.reporting
+    assert check_survey(folder).faults == ()
+    assert not recorded_stations(folder)["s01"].complete
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "told"),
+    [
+        ([], 2, "name at least one instrument"),
+        (["--lidar", "swep:/dev/ttyUSB0"], 2, "sweep"),
+        (["--lidar", "sweep:/dev/there-is-none"], 4, "no such port"),
+        (["--lidar", "sweep:ffff:ffff"], 4, "slam-uwb ports"),
+        (["--uwb", "dwm1001:/dev/null", "--tag-height-m", "140"], 2, "height"),
+        (["--uwb", "dwm1001:/dev/null", "--tag-height-m", "1.4"], 4, "/dev/null"),
+    ],
+)
+def test_what_cannot_be_started(run, tmp_path, arguments, status, told):
+    done = run("record", tmp_path / "survey", *arguments)
+    assert done.returncode == status, done.stderr
+    assert told in done.stderr
+
+
+def test_a_folder_of_something_else_is_left_alone(run, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    done = run("record", tmp_path, "--lidar", "sweep:/dev/there-is-none")
+    assert done.returncode == 2
+    assert "nothing was changed" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_ports(run):
+    done = run("ports", "--json")
+    assert done.returncode == 0
+    assert isinstance(json.loads(done.stdout), list)
+    assert "sweep" in run("ports").stdout
