@@ -35,6 +35,8 @@ MARGIN = 3.0
 """m searched beyond the outermost stations at least."""
 RING = 0.5 * np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
 """m, about the best place, from where other sides of walls are tried."""
+HOPELESS = 20.0
+"""nats above the best: no label brings such a place back."""
 FAULTY = 0.5
 """A range is taken for a fault where that is likelier than not."""
 
@@ -166,13 +168,13 @@ def refine_places(
     """
     model, view = search.model, sightings.times(len(starts), height)
     labels = (
-        model.labels(view.points, starts[:, None, :])
+        model.labels(sightings.points, starts[:, None, :])
         if labelled
         else model.unlabelled(*view.distances.shape)
     )
     density = model.density(labels, view.sigmas)
     floor = LEAST_CURVATURE / model.sight_sigma**2
-    fit = fit_ranges(view, density, search.prior, starts, floor, coupled=False)
+    fit = fit_ranges(view, density, search.prior, starts, floor, coupled=False, still=1e-4)
     return fit.places, fit.offsets, fit.costs
 
 
@@ -232,7 +234,8 @@ def _separate_minima(
     # Labels are those of where a place was: once more with those of where it went.
     places, _, costs = refine_places(places, sightings, height, search)
     # An anchor hangs on a wall; on its other side the labels are others, and so is the minimum.
-    places = np.vstack([places, places[np.argmin(costs)] + RING])
+    near = places[costs < costs.min() + HOPELESS]
+    places = np.vstack([near, places[np.argmin(costs)] + RING])
     for _ in range(2):
         places, offsets, costs = refine_places(places, sightings, height, search)
     kept: list[int] = []

@@ -12,7 +12,7 @@ import gtsam
 import numpy as np
 
 from ..model.errors import SolverError
-from ..model.geometry import FloatArray, Pose2
+from ..model.geometry import Pose2
 from ..model.link_law import LinkModel
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
@@ -24,14 +24,16 @@ from .frame import Start, choose_start, tie_to_site
 from .incremental import Optimum, batch_gap, dense_covariance, solve_by_passes
 from .learn import learn_links, needs_no_offsets
 from .ranges import build_range_table, usable_links, weigh_ranges
+from .settling import Labels, next_labels
+from .spread import add_tails
 from .variables import Indices, Variables, movement
 from .verdicts import judge_links
 
-MAX_ROUNDS = 8
+MAX_ROUNDS = 40
 """Three or four are the rule; more only where a point jumps between two minima."""
 LEARNING_ROUNDS = 2
 """Then the link model and the choice between minima stand; only labels still follow the places."""
-STILL = 1e-3
+STILL = 1e-6
 """m. Rounds end where no anchor moves further: its labels are then those of where it is."""
 
 
@@ -42,8 +44,8 @@ class Round:
     optimum: Optimum
     found: Found
     model: LinkModel
-    labels: FloatArray
-    """(R, W) of the ranges that were solved."""
+    labels: Labels
+    """Of the ranges that were solved."""
 
 
 def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate:
@@ -86,7 +88,9 @@ def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
             ):
                 model, prior = without
                 scene = replace(scene, prior=prior)
-            found = find_points(scene, model, present, links, found)
+            # In between, what was found has just been entered.
+            if number != 1:
+                found = find_points(scene, model, present, links, found)
         last = _solve(scene, _enter(scene, present, found), found, model, links, last.labels)
         if number > LEARNING_ROUNDS and _is_settled(present, last.optimum.variables):
             break
@@ -154,16 +158,13 @@ def _solve(
     found: Found,
     model: LinkModel,
     links: tuple[LinkMeasurement, ...],
-    before: FloatArray | None = None,
+    before: Labels | None = None,
 ) -> Round:
     """The optimum near `start`, with labels as of there."""
     lost = frozenset(start.poses.keys() - scene.start.poses.keys())
     table = build_range_table(scene.problem, links, start, found.heights(), scene.levers, lost)
-    labels = model.labels(*table.ends(start))
-    # Half-way to the labels of before: a label that depends on the place that it moves must not swing.
-    if before is not None and labels.shape == before.shape:
-        labels = 0.5 * (labels + before)
-    ranges = weigh_ranges(table, labels, model)
+    labels = next_labels(model.labels(*table.ends(start)), before)
+    ranges = weigh_ranges(table, labels.used, model)
     fixed = _fixed_factors(scene, start, model if len(table.measured) else None)
     optimum = solve_by_passes(fixed, ranges, start, Indices.of(scene.problem), scene.settings)
     return Round(optimum, found, model, labels)
@@ -235,12 +236,15 @@ def _deliver(scene: Scene, last: Round) -> Solved:
         sigma = float(np.sqrt(covariance[size, size]))
         prior, mean = scene.prior, optimum.variables.offset
         biases = (Bias("range offset", mean, sigma, prior.mean, prior.sigma),)
+    found = last.found
+    if has_offset:
+        found = add_tails(scene, last.model, optimum.variables, found, covariance)
     return Solved(
         start=scene.start,
         variables=optimum.variables,
         covariance=covariance[:size, :size],
-        anchors=last.found.settled(optimum.variables, scene.settings.twin_distance_m),
-        stations=last.found.stations,
+        anchors=found.settled(optimum.variables, scene.settings.twin_distance_m),
+        stations=found.stations,
         levers=scene.levers,
         biases=biases,
         checks=SolverChecks(batch_gap(optimum, indices), optimum.passes, optimum.cost),

@@ -246,10 +246,10 @@ class GraphSettings(_Section):
         description="a second place within this much cost (negative log likelihood) is not excluded",
     )
     moved_cost_gap: float = Field(
-        8.0,
+        12.0,
         ge=0.0,
         description="an anchor was moved where two places in turn explain its ranges better by more "
-        "(nats; simulated anchors that stand still stay below 5, moved ones reach 10 to 50)",
+        "(nats; of 260 simulated anchors that stand still one reaches 10, moved ones 11 to 50)",
     )
     search_step_m: float = Field(
         0.3,
@@ -271,7 +271,7 @@ class GraphSettings(_Section):
         description="factor on the covariances of anchors: wrong labels and tails (joint study, 7)",
     )
     max_passes: int = Field(100, ge=1, description="outer passes of re-weighting")
-    tolerance_m: float = Field(1e-6, gt=0.0, description="passes end when nothing moves further")
+    tolerance_m: float = Field(1e-8, gt=0.0, description="passes end when nothing moves further")
 
 
 class MappingSettings(_Section):
@@ -340,6 +340,43 @@ class MappingSettings(_Section):
     wall_chain_slope_m: float = Field(
         0.35, gt=0.0, description="how fast that likelihood changes with length (logistic)"
     )
+    room_wall_probability: float = Field(
+        0.5, ge=0.0, le=1.0, description="what is less likely a wall bounds no room"
+    )
+    room_min_area_m2: float = Field(
+        1.0, gt=0.0, description="smaller closed spaces are shafts and gaps behind furniture"
+    )
+
+
+class PositioningSettings(_Section):
+    """Known anchors and what they heard of a tag -> where the tag is (paper, section IV)."""
+
+    arrival_sigma_m: float = Field(
+        0.3,
+        gt=0.0,
+        description="standard deviation of one anchor's time of arrival: mostly the constant errors of links, "
+        "a decimetre in line of sight and a few behind walls",
+    )
+    acceleration_mps2: float = Field(
+        0.7, gt=0.0, description="standard deviation of a person's acceleration, each axis"
+    )
+    start_speed_mps: float = Field(
+        1.0, gt=0.0, description="standard deviation of the velocity at the start, each axis"
+    )
+    outlier_sigmas: float = Field(
+        2.0,
+        gt=0.0,
+        description="a measurement further from its prediction counts less, in proportion (Huber)",
+    )
+    search_step_m: float = Field(
+        0.5, gt=0.0, description="grid on which the start is sought, round the anchors"
+    )
+    search_margin_m: float = Field(
+        3.0, ge=0.0, description="how far the tag may be outside the anchors at the start"
+    )
+    settling_s: float = Field(
+        3.0, ge=0.0, description="of a static tag's track, left out of its mean place"
+    )
 
 
 class Settings(_Section):
@@ -350,6 +387,7 @@ class Settings(_Section):
     ranging: RangingSettings = RangingSettings()
     graph: GraphSettings = GraphSettings()
     mapping: MappingSettings = MappingSettings()
+    positioning: PositioningSettings = PositioningSettings()
 
 
 PRESETS: dict[str, Settings] = {

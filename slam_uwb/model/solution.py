@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from .geometry import FloatArray, Grid, Matrix2, Matrix3, Pose2, Vector2, frozen_array
+from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
 from .products import LinkMeasurement, ScanMatch
 from .settings import Settings
-from .survey import AnchorId, Scan, StationId
+from .survey import AnchorId, Decision, Scan, StationId
 
 
 class Status(StrEnum):
@@ -142,6 +142,59 @@ class FloorMap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """A closed room."""
+
+    polygon: Points
+    """(V, 2) m, between wall faces, counter-clockwise, world frame; a door is part of the wall it is in."""
+    area: float
+    """m^2."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "polygon", frozen_array(self.polygon, (None, 2), "polygon"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wall:
+    """A straight wall or one face of it."""
+
+    ends: FloatArray
+    """(2, 2) m, world frame: of the centre line where both faces were seen, else of the face."""
+    thickness: float
+    """m; NaN where only one face was seen."""
+    probability: float
+    """0-1 that it is a wall and not furniture."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", frozen_array(self.ends, (2, 2), "ends"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorPlan:
+    """Rooms, walls and doors."""
+
+    rooms: tuple[Room, ...]
+    """The largest first."""
+    walls: tuple[Wall, ...]
+    doors: FloatArray
+    """(D, 2, 2) m, each from jamb to jamb, in the middle of the wall where both faces were seen."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "doors", frozen_array(self.doors, (None, 2, 2), "doors"))
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionOutcome:
+    """What became of something that a person decided."""
+
+    decision: Decision
+    effect: str
+    """What was done."""
+    contradiction: str | None = None
+    """What in the data speaks against it; None where nothing does."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """Everything that `solve_survey` found."""
 
@@ -167,3 +220,6 @@ class Solution:
     """Reduced to one sample an angle bin: enough to draw and to continue from."""
     tag_offset: tuple[float, float] = (0.0, 0.0)
     warnings: tuple[str, ...] = ()
+    plan: FloorPlan | None = None
+    decisions: tuple[DecisionOutcome, ...] = ()
+    """What became of the survey's decisions.csv."""

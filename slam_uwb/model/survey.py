@@ -132,7 +132,7 @@ class Decision:
     verdict: str
     """`keep`, `drop`, or for a pair `guess`."""
     guess: Pose2 | None = None
-    """m_T_n, for `guess`."""
+    """m_T_n, for `guess`; for `keep` where it says which of the pair's hypotheses is meant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

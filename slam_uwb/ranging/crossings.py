@@ -24,6 +24,7 @@ PLACE_SIGMA_M = 0.06
 """Of an anchor's place, for its labels; the study averaged over 0.08 m to either side."""
 
 _REACH = 4.0  # standard deviations beyond which a piece is certainly crossed or not
+_CLOSE_M = 2.0  # places within this radius are looked at together
 _CHUNK = 1_000_000  # pairs of path and piece at a time: 100 MB
 
 
@@ -53,21 +54,70 @@ class Crossings:
 
 
 def count_walls(pieces: WallPieces, tags: FloatArray, places: FloatArray) -> FloatArray:
-    """(..., MAX_WALLS + 1) probability of 0, 1, ... walls between tags (..., 2) and places (..., 2), m."""
-    tags, places = np.broadcast_arrays(tags, places)
-    starts, ends = tags.reshape(-1, 2), places.reshape(-1, 2)
+    """(..., MAX_WALLS + 1) probability of 0, 1, ... walls between tags (..., 2) and places (..., 2), m.
+
+    Many places that lie close together, seen from the same tags, cost little: tags (N, 2) and places
+    (K, 1, 2).
+    """
+    shape = np.broadcast_shapes(tags.shape, places.shape)
+    centre = places.reshape(-1, 2).mean(axis=0) if places.size else np.zeros(2)
+    reach = float(np.hypot(*(places.reshape(-1, 2) - centre).T).max(initial=0.0))
+    if tags.ndim == 2 and places.ndim == 3 and places.shape[1] == 1 and reach < _CLOSE_M:
+        path, piece = near_pairs(pieces, tags, np.broadcast_to(centre, tags.shape), reach)
+        copies = len(tags) * np.arange(len(places))
+        path = (copies[:, None] + path).ravel()
+        piece = np.tile(piece, len(places))
+        starts, ends = (np.broadcast_to(x, shape).reshape(-1, 2) for x in (tags, places))
+        counts = cross(pieces, starts, ends, path, piece).wall_probabilities()
+        return counts.reshape(*shape[:-1], MAX_WALLS + 1)
+    starts, ends = (np.broadcast_to(x, shape).reshape(-1, 2) for x in (tags, places))
     chunk = max(1, _CHUNK // max(1, len(pieces.ends)))
-    counts = [
-        cross(pieces, starts[k : k + chunk], ends[k : k + chunk]).wall_probabilities()
-        for k in range(0, len(starts), chunk)
-    ]
-    counts.append(np.zeros((0, MAX_WALLS + 1)))
-    return np.concatenate(counts).reshape(*tags.shape[:-1], MAX_WALLS + 1)
+    parts = [np.zeros((0, MAX_WALLS + 1))]
+    for k in range(0, len(starts), chunk):
+        rows = slice(k, k + chunk)
+        path, piece = near_pairs(pieces, starts[rows], ends[rows], 0.0)
+        crossed = cross(pieces, starts[rows], ends[rows], path, piece)
+        parts.append(crossed.wall_probabilities())
+    return np.concatenate(parts).reshape(*shape[:-1], MAX_WALLS + 1)
 
 
-def cross(pieces: WallPieces, starts: Points, ends: Points) -> Crossings:
-    """Wall lines crossed by the paths from `starts` (M, 2) to `ends` (M, 2), m, the ends uncertain."""
-    path, piece, blocked, along, cosine = _crossed(pieces, starts, ends)
+def near_pairs(
+    pieces: WallPieces, starts: Points, ends: Points, reach: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Paths and pieces that may cross if the paths' ends move by up to `reach`, m; no pair is missed."""
+    margin = reach + _REACH * PLACE_SIGMA_M
+    near = np.ones((len(starts), len(pieces.ends)), dtype=bool)
+    for axis in (0, 1):
+        low = np.minimum(starts[:, axis], ends[:, axis]) - margin
+        high = np.maximum(starts[:, axis], ends[:, axis]) + margin
+        near &= pieces.ends[..., axis].max(axis=1) >= low[:, None]
+        near &= pieces.ends[..., axis].min(axis=1) <= high[:, None]
+    path, piece = np.nonzero(near)
+    direction = ends[path] - starts[path]
+    across = np.column_stack([-direction[:, 1], direction[:, 0]])
+    across /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
+    offsets = np.einsum("pei,pi->ep", pieces.ends[piece] - starts[path, None], across)
+    aside = (offsets.min(axis=0) > margin) | (offsets.max(axis=0) < -margin)
+    return path[~aside], piece[~aside]
+
+
+def cross(
+    pieces: WallPieces,
+    starts: Points,
+    ends: Points,
+    path: NDArray[np.intp],
+    piece: NDArray[np.intp],
+) -> Crossings:
+    """Wall lines crossed by the paths from `starts` (M, 2) to `ends` (M, 2), m, the ends uncertain.
+
+    Args:
+        pieces: P pieces of wall.
+        starts: where the paths start.
+        ends: where they end.
+        path: (Q,) which path
+        piece: (Q,) may cross which piece.
+    """
+    path, piece, blocked, along, cosine = _crossed(pieces, starts, ends, path, piece)
     # Pieces of one line share out its crossing: their probabilities add up.
     code = path * (int(pieces.line.max(initial=0)) + 1) + pieces.line[piece]
     order = np.argsort(code, kind="stable")
@@ -87,33 +137,33 @@ def cross(pieces: WallPieces, starts: Points, ends: Points) -> Crossings:
 
 
 def _crossed(
-    pieces: WallPieces, starts: Points, ends: Points
+    pieces: WallPieces,
+    starts: Points,
+    ends: Points,
+    path: NDArray[np.intp],
+    piece: NDArray[np.intp],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray, FloatArray]:
     """Path, piece, probability of being blocked by it, m along the path, |cosine| to the wall's normal."""
-    first = pieces.ends[:, 0]
-    length = np.maximum(np.linalg.norm(pieces.ends[:, 1] - first, axis=1), 1e-9)
-    wall = (pieces.ends[:, 1] - first) / length[:, None]
+    start, end, first = starts[path], ends[path], pieces.ends[piece, 0]
+    wall = pieces.ends[piece, 1] - first
+    length = np.maximum(np.linalg.norm(wall, axis=1), 1e-9)
+    wall = wall / length[:, None]
     normal = np.column_stack([-wall[:, 1], wall[:, 0]])
-    from_start = starts @ normal.T - np.einsum("pi,pi->p", first, normal)
-    from_end = ends @ normal.T - np.einsum("pi,pi->p", first, normal)
+    from_start = np.einsum("qi,qi->q", start - first, normal)
+    from_end = np.einsum("qi,qi->q", end - first, normal)
     # How far the path's end lies beyond the wall, seen from its start.
     beyond = -np.sign(from_start) * from_end
-    reach = _REACH * PLACE_SIGMA_M
-    share = np.clip(from_start / np.where(beyond > 0.0, from_start - from_end, np.inf), 0.0, 1.0)
-    share = np.where(beyond > 0.0, share, 1.0)
-    lateral = (1.0 - share) * (starts @ wall.T) + share * (ends @ wall.T)
-    lateral -= np.einsum("pi,pi->p", first, wall)
-    near = (beyond > -reach) & (lateral > -length) & (lateral < 2.0 * length)
-    path, piece = np.nonzero(near)
-    beyond, share, lateral = beyond[path, piece], share[path, piece], lateral[path, piece]
-    distance = np.maximum(np.linalg.norm(ends - starts, axis=1), 1e-9)[path]
-    cosine = np.abs(from_end - from_start)[path, piece] / distance
-    sigma = PLACE_SIGMA_M * share / np.maximum(cosine, 0.1)
-    on_wall = ndtr((length[piece] - lateral) / sigma) - ndtr(-lateral / sigma)
+    apart = np.where(beyond > 0.0, from_start - from_end, 1.0)
+    share = np.where(beyond > 0.0, from_start / apart, 1.0)
+    lateral = np.einsum("qi,qi->q", start + share[:, None] * (end - start) - first, wall)
+    distance = np.maximum(np.linalg.norm(end - start, axis=1), 1e-9)
+    cosine = np.abs(from_end - from_start) / distance
+    sigma = PLACE_SIGMA_M * np.maximum(share, 1e-3) / np.maximum(cosine, 0.1)
+    on_wall = ndtr((length - lateral) / sigma) - ndtr(-lateral / sigma)
     blocked = pieces.probability[piece] * ndtr(beyond / PLACE_SIGMA_M) * on_wall
     kept = blocked > 1e-4
-    path, piece, blocked = path[kept], piece[kept], blocked[kept]
-    return path, piece, blocked, (share * distance)[kept], cosine[kept]
+    along = (share * distance)[kept]
+    return path[kept], piece[kept], blocked[kept], along, cosine[kept]
 
 
 def _same_wall(along: FloatArray, cosine: FloatArray) -> NDArray[np.bool_]:

@@ -164,6 +164,10 @@ def link_model(settings: RangingSettings, find_walls: FindWalls | None = None) -
     return LinkModel(settings.link_sigma_m, find_walls)
 
 
+_RESOLUTION = 0.05
+"""Standard deviations of a parameter's prior."""
+
+
 def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkModel, float]:
     """The parameters of least cost, each a number of standard deviations from its prior's centre."""
     from scipy.optimize import minimize
@@ -187,4 +191,7 @@ def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkMode
         bounds=[(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names),
         options={"maxiter": 6, "eps": 0.05, "ftol": 1e-4},
     )
-    return changed(np.asarray(found.x)), float(found.fun)
+    # To a twentieth of what was known before: nobody can tell them better, and so the order of the
+    # stations, which the last digits of the search follow, makes no difference.
+    rounded = _RESOLUTION * np.round(np.asarray(found.x) / _RESOLUTION)
+    return changed(rounded), float(found.fun)
