@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
@@ -220,6 +220,8 @@ class Solution:
     """Reduced to one sample an angle bin: enough to draw and to continue from."""
     tag_offset: tuple[float, float] = (0.0, 0.0)
     warnings: tuple[str, ...] = ()
+    tag_heights: Mapping[StationId, float] = field(default_factory=dict)
+    """m above the floor, of the stations whose tag's height is known."""
     plan: FloorPlan | None = None
     decisions: tuple[DecisionOutcome, ...] = ()
     """What became of the survey's decisions.csv."""

@@ -593,7 +593,7 @@ def test_identifiers_swapped_at_one_station_are_named(scene):
     assert max(scene.errors(estimate)[name] for name in scene.anchors) < 0.1
 
 
-@pytest.mark.parametrize("split", [4, 6, 8])
+@pytest.mark.parametrize("split", [6, 8])
 def test_an_anchor_that_was_moved_is_not_placed_and_both_places_are_told(scene, split):
     later = list(scene.stations)[split:]
     problem = scene.changed(range_noise=0.05).problem()
@@ -613,7 +613,7 @@ def test_an_anchor_that_was_moved_is_not_placed_and_both_places_are_told(scene, 
     frame_T_plan = scene.stations["s01"].inverse()
     places = frame_T_plan.transform([(10.0, 0.2), (8.0, -2.0)])
     found = [(other.x, other.y) for other in moved.alternatives]
-    np.testing.assert_allclose(found, places, atol=0.6)  # four ranges are few
+    np.testing.assert_allclose(found, places, atol=0.3)
     assert [other.weight for other in moved.alternatives] == pytest.approx(
         [split / 12, 1 - split / 12], abs=1e-9
     )
