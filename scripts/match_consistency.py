@@ -91,7 +91,7 @@ def drawn_rows(kind: str, samples: int, noise: float, runs: int) -> Iterator[Row
         truth = a.inverse() @ b
         start = truth @ Pose2(*rng.uniform([-0.1, -0.1, -0.05], [0.1, 0.1, 0.05]))
         refine = REFINERS["point_to_line"]
-        poses, _ = refine(target, source, start.vector[None], SETTINGS.matching)
+        poses = refine(target, source, start.vector[None], SETTINGS.matching).poses
         pose = Pose2.from_vector(poses[0])
         covariance, degenerate = match_covariance(target, source, pose, SETTINGS.matching)
         yield Row((truth.inverse() @ pose).vector, covariance, degenerate)

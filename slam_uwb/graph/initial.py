@@ -8,11 +8,12 @@ well. Tags are found from anchors by the same code.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..model.geometry import FloatArray, Points, Vector2
+from ..model.geometry import FloatArray, Points, Vector2, rotation_matrix
 from ..model.link_law import LinkModel
 from ..model.settings import GraphSettings
 from ..model.solution import Alternative, Status
@@ -183,16 +184,26 @@ def _search_grid(sightings: Sightings, height: float, search: Search) -> Grid:
     # Further out than the second smallest range, two ranges at least would be too short, which
     # walls cannot do. (The smallest alone may be a fault of the device.)
     margin = max(MARGIN, float(np.partition(sightings.distances, 1)[1]))
-    low = sightings.points.min(axis=0) - margin
-    size = np.ptp(sightings.points, axis=0) + 2.0 * margin
+    axes, centre = _own_axes(sightings.points)
+    points = (sightings.points - centre) @ axes
+    low = points.min(axis=0) - margin
+    size = np.ptp(points, axis=0) + 2.0 * margin
     step = max(search.settings.search_step_m, float(np.sqrt(size.prod() / MAX_CELLS)))
     x, y = (low[axis] + step * np.arange(int(size[axis] / step) + 2) for axis in (0, 1))
-    cells = np.stack(np.meshgrid(x, y), axis=-1)
+    cells = np.stack(np.meshgrid(x, y), axis=-1) @ axes.T + centre
     offset = search.prior.common.mean
     residuals = sightings.residuals(cells.reshape(-1, 2), height, offset)
     unlabelled = search.model.unlabelled(len(sightings.points))
     costs = search.model.density(unlabelled, sightings.sigmas).costs(residuals)
     return Grid(cells, costs.reshape(*cells.shape[:2], -1))
+
+
+def _own_axes(points: Points) -> tuple[FloatArray, Vector2]:
+    """Axes (2, 2), as columns, and origin that move with the points: the grid does not depend on the frame."""
+    centre = points.mean(axis=0)
+    offsets = points - centre
+    x, y = offsets[np.argmax(np.hypot(*offsets.T).round(6))]
+    return rotation_matrix(math.atan2(y, x)), centre
 
 
 def _grid_minima(grid: Grid) -> Points:

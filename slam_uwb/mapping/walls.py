@@ -53,7 +53,11 @@ def find_walls(
     Returns:
         Pieces in the world frame, by line and place; none without any scan.
     """
-    placed = [(poses[name], scans[name]) for name in sorted(scans) if name in poses]
+    names = [name for name in sorted(scans) if name in poses]
+    # In the frame of the first station, so that cells lie the same whatever the world's is.
+    world_T_first = poses[names[0]] if names else Pose2.identity()
+    poses = {name: world_T_first.inverse() @ poses[name] for name in names}
+    placed = [(poses[name], scans[name]) for name in names]
     raised = _raised(scans, poses, upper_scans or {})
     segments = [_seen_from_left(pose, scan) for pose, scan in (*placed, *raised)]
     lines = common_lines(
@@ -66,9 +70,8 @@ def find_walls(
     runs = replace(runs, support=support_round_bends(runs, lines))
     runs = replace(runs, support=support_of_both_faces(runs, lines, settings))
     runs = _with_corners(runs, lines, cells, settings)
-    return WallPieces(
-        runs.ends(lines), runs.line.astype(np.int32), wall_probability(runs, lines, settings)
-    )
+    ends = world_T_first.transform(runs.ends(lines).reshape(-1, 2)).reshape(-1, 2, 2)
+    return WallPieces(ends, runs.line.astype(np.int32), wall_probability(runs, lines, settings))
 
 
 def _raised(

@@ -46,8 +46,8 @@ def match_pair(
     initial = INITIALISERS[settings.initialiser](target, source, settings)
     if not len(initial):
         return ()
-    poses, converged = REFINERS[settings.refiner](target, source, initial, settings)
-    poses = poses[converged]
+    refined = REFINERS[settings.refiner](target, source, initial, settings)
+    poses = refined.poses[refined.converged]
     if not len(poses):
         return ()
     if settings.ranking == "evidence":
@@ -111,20 +111,20 @@ def rematch_pairs(
     matches = []
     for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap):
         target, source, start = glance.target, glance.source, glance.start
-        poses, converged = polish(
+        refined = polish(
             scans[target],
             scans[source],
             start.vector[None, :],
             settings,
             until_still=until_still,
         )
-        match = describe_match(scans[target], scans[source], poses[0], 0, settings)
+        match = describe_match(scans[target], scans[source], refined.poses[0], 0, settings)
         match = leave_free_directions(match, start)
         stayed = (
             match.target_T_source.distance_to(start) < settings.fine_gate_m
             and match.target_T_source.angle_to(start) < _SAME_BASIN_RAD
         )
-        if converged[0] and stayed and match.score >= settings.min_evidence_m:
+        if refined.converged[0] and stayed and match.score >= settings.min_evidence_m:
             matches.append(match)
     return _strong_or_joining(matches, settings.min_overlap)
 

@@ -107,6 +107,7 @@ def place_stations(
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
     *,
+    firm: Sequence[ScanMatch] = (),
     range_gain: RangeGain = no_ranges,
     settle: Settle = dict,
     progress: Progress = silent,
@@ -120,6 +121,7 @@ def place_stations(
         scans: Every station that has one, in the survey's order.
         hypotheses: All of all pairs.
         settings: `violation_weight` and `min_margin_m` (metres of wall, each counted once).
+        firm: Matches that merge their stations before all others, whatever the walls say.
         range_gain: What the ranges say of a way to merge two blocks, nats.
         settle: Moves the stations of a block to where all their pairs agree best.
         progress: Told after each merge.
@@ -134,6 +136,8 @@ def place_stations(
         _best_merge, scans=scans, touching=touching_stations(hypotheses), settings=settings,
         range_gain=range_gain,
     )  # fmt: skip
+    for match in firm:
+        _merge_firmly(growth, match, scans, settings)
     while True:
         pair = _next_merge(growth, best_merge)
         if pair is not None:
@@ -153,6 +157,22 @@ def place_stations(
             key=lambda block: (-len(block.poses), min(order[station] for station in block.poses)),
         )
     )
+
+
+def _merge_firmly(
+    growth: _Growth,
+    match: ScanMatch,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> None:
+    """Merge the blocks of a match's two stations at its pose; nothing where they are one already."""
+    holds = {s: number for number, block in growth.blocks.items() for s in block.poses}
+    if holds[match.target] == holds[match.source]:
+        return
+    a, b = growth.blocks[holds[match.target]], growth.blocks[holds[match.source]]
+    a_T_b = a.poses[match.target] @ match.target_T_source @ b.poses[match.source].inverse()
+    merged = merge_blocks(a, b, a_T_b.vector, scans, settings)
+    growth.replace((holds[match.target], holds[match.source]), merged)
 
 
 def _next_merge(growth: _Growth, best_merge: BestMerge) -> _Pair | None:

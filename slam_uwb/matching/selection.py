@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..model.geometry import Pose2
@@ -50,6 +50,7 @@ def select_matches(
     settings: MatchingSettings,
     *,
     adjust: Adjust,
+    firm: Sequence[ScanMatch] = (),
     range_gain: RangeGain = no_ranges,
     progress: Progress = silent,
 ) -> Selection:
@@ -57,32 +58,47 @@ def select_matches(
 
     `evidence`: the largest block of stations that the merged map holds together; all pairs of it
     that overlap are refined again at the placement, twice, with the pose graph `adjust` in between.
-    `sequence`: the best match of every pair, as the paper uses them.
+    `sequence`: the best match of every pair, as the paper uses them. `firm` matches are used in any
+    case.
     """
     if settings.placement == "sequence":
-        used = tuple(match for match in hypotheses if match.rank == 0)
+        decided = {frozenset((match.target, match.source)) for match in firm}
+        best = [
+            h for h in hypotheses if h.rank == 0 and frozenset((h.target, h.source)) not in decided
+        ]
+        used = _with_firm(best, firm, scans)
         placement = spanning_placement(tuple(scans), used)
         used = tuple(match for match in used if match.source in placement)
         return Selection(placement, used, _with_reasons(hypotheses, used, placement))
 
+    def rematch(
+        poses: Mapping[StationId, Pose2], *, until_still: bool = False
+    ) -> tuple[ScanMatch, ...]:
+        found = rematch_pairs(scans, poses, pairs, settings, until_still=until_still)
+        return _with_firm(found, firm, poses)
+
     def settle(poses: Mapping[StationId, Pose2]) -> dict[StationId, Pose2]:
-        return adjust(poses, rematch_pairs(scans, poses, pairs, settings))
+        return adjust(poses, rematch(poses))
 
     blocks = place_stations(
-        scans, hypotheses, settings, range_gain=range_gain, settle=settle, progress=progress
-    )
+        scans, hypotheses, settings, firm=firm, range_gain=range_gain, settle=settle,
+        progress=progress,
+    )  # fmt: skip
     if not blocks:
         return Selection({}, (), _with_reasons(hypotheses, (), {}))
     rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain)
+    # Where somebody said how a station stands to another, it has no other place.
+    decided_stations = {station for match in firm for station in (match.target, match.source)}
+    rivals = {s: rival for s, rival in rivals.items() if s not in decided_stations}
     if undecided_stations(blocks, scans, hypotheses, settings) > len(blocks[0].poses):
         placement, aliased = {}, blocks[0].poses.keys() - rivals
     else:
         placement = {s: pose for s, pose in blocks[0].poses.items() if s not in rivals}
         aliased = set()
-    used = rematch_pairs(scans, placement, pairs, settings)
+    used = rematch(placement)
     for last in (False, True):
         placement = adjust(placement, used)
-        used = rematch_pairs(scans, placement, pairs, settings, until_still=last)
+        used = rematch(placement, until_still=last)
     placement = _largest_group(placement, used)
     used = tuple(match for match in used if match.target in placement and match.source in placement)
     for _ in range(_SETTLING):
@@ -98,6 +114,21 @@ def select_matches(
         _with_reasons(hypotheses, used, placement),
         _places(rivals, blocks[0].poses, placement) | dict.fromkeys(sorted(aliased), ()),
     )
+
+
+def _with_firm(
+    matches: Sequence[ScanMatch], firm: Sequence[ScanMatch], stations: Container[StationId]
+) -> tuple[ScanMatch, ...]:
+    """The matches, and the firm ones between these stations whose pair is not among them."""
+    there = {frozenset((match.target, match.source)) for match in matches}
+    missing = [
+        replace(match, rejection=None)
+        for match in firm
+        if match.target in stations
+        and match.source in stations
+        and frozenset((match.target, match.source)) not in there
+    ]
+    return (*matches, *missing)
 
 
 def _places(

@@ -223,5 +223,7 @@ class Solution:
     tag_heights: Mapping[StationId, float] = field(default_factory=dict)
     """m above the floor, of the stations whose tag's height is known."""
     plan: FloorPlan | None = None
+    alignment: Pose2 | None = None
+    """aligned_T_world where the frame was moved (`--align`) from that of station `frame`."""
     decisions: tuple[DecisionOutcome, ...] = ()
     """What became of the survey's decisions.csv."""

@@ -164,10 +164,6 @@ def link_model(settings: RangingSettings, find_walls: FindWalls | None = None) -
     return LinkModel(settings.link_sigma_m, find_walls)
 
 
-_RESOLUTION = 0.05
-"""Standard deviations of a parameter's prior."""
-
-
 def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkModel, float]:
     """The parameters of least cost, each a number of standard deviations from its prior's centre."""
     from scipy.optimize import minimize
@@ -189,9 +185,6 @@ def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkMode
         np.asarray(start, dtype=np.float64),
         method="L-BFGS-B",
         bounds=[(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names),
-        options={"maxiter": 6, "eps": 0.05, "ftol": 1e-4},
+        options={"maxiter": 25, "eps": 1e-4, "ftol": 1e-9},
     )
-    # To a twentieth of what was known before: nobody can tell them better, and so the order of the
-    # stations, which the last digits of the search follow, makes no difference.
-    rounded = _RESOLUTION * np.round(np.asarray(found.x) / _RESOLUTION)
-    return changed(rounded), float(found.fun)
+    return changed(np.asarray(found.x)), float(found.fun)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Points
 from ..model.products import PreparedScan
@@ -14,18 +15,16 @@ from .landmarks import extract_landmarks
 from .lines import extract_segments, segment_noise, straight_parts
 
 _ON_EDGE = 1e-9  # bins
-_SURFACE_GAP_M = (
-    0.1  # the two middle samples of a bin further apart than this are two surfaces, not noise
-)
+_SURFACE_GAP_M = 0.1  # samples of a bin further apart in range than this are of two surfaces
 
 
 def reduce_scan(scan: Scan, settings: ScanSettings) -> Scan:
-    """One sample an angle bin: median bearing and median range of the returns in it.
+    """One sample an angle bin: the returns near the median of its ranges, averaged in the plan.
 
     A bin in which fewer than `min_return_share` of the samples came back is no return (its range is
-    NaN, its bearing the median of all its samples). Bins without any sample are absent. Where the
-    middle of a bin falls between two surfaces the nearer is taken: a mean would be a point where
-    nothing is.
+    NaN; without any return its bearing is the mean of its samples'). Bins without any sample are
+    absent. Where the middle of a bin falls between two surfaces the nearer is taken: a mean would
+    be a point where nothing is.
 
     Returns:
         A scan ordered by bearing in [-pi, pi).
@@ -36,36 +35,45 @@ def reduce_scan(scan: Scan, settings: ScanSettings) -> Scan:
     edge = _ON_EDGE * width
     bearings = np.remainder(scan.bearings + (math.pi + edge), 2.0 * math.pi) - (math.pi + edge)
     bins = ((bearings + (math.pi + edge)) / width).astype(np.int64)
-    ranges = np.where((scan.ranges > 0.0) & (scan.ranges <= scan.max_range), scan.ranges, np.nan)
-    returned = ~np.isnan(ranges)
-    used, bins = np.unique(bins, return_inverse=True)
-    samples = np.bincount(bins, minlength=len(used))
-    returns = np.bincount(bins, weights=returned, minlength=len(used)).astype(np.int64)
+    returned = (scan.ranges > 0.0) & (scan.ranges <= scan.max_range)
+    samples = np.bincount(bins)
+    count, used = len(samples), np.flatnonzero(samples)
+    returns = np.bincount(bins[returned], minlength=count)
 
-    # Bearings of the returns alone describe the point; of a bin without returns all samples count.
-    relevant = returned | (returns == 0)[bins]
-    median_bearing = _grouped_median(bearings[relevant], bins[relevant], len(used), gap=math.inf)
-    median_range = np.full(len(used), np.nan)
-    filled = returns > 0
-    median_range[filled] = _grouped_median(
-        ranges[returned], bins[returned], len(used), gap=_SURFACE_GAP_M
-    )[filled]
-    median_range[returns < settings.min_return_share * samples] = np.nan
-    return Scan(median_bearing, median_range, scan.max_range)
+    middles = (np.arange(count) + 0.5) * width - math.pi
+    offsets = bearings - middles[bins]
+    # Bearings from the middle of their bin have no seam.
+    x, y = _typical_points(scan.ranges[returned], offsets[returned], bins[returned], returns)
+    mean_offset = np.bincount(bins, offsets) / np.maximum(samples, 1)
+    offset = np.where(returns > 0, np.arctan2(y, x), mean_offset).astype(np.float64)
+    seen = (returns > 0) & (returns >= settings.min_return_share * samples)
+    ranges = np.where(seen, np.hypot(x, y), np.nan)
+    return Scan((middles + offset)[used], ranges[used], scan.max_range)
 
 
-def _grouped_median(values: FloatArray, groups: np.ndarray, count: int, gap: float) -> FloatArray:
-    """(count,) median of `values` by group; of two middle values further than `gap` apart the smaller."""
-    order = np.lexsort((values, groups))
-    ordered = values[order]
-    sizes = np.bincount(groups, minlength=count)
-    starts = np.concatenate(([0], np.cumsum(sizes)[:-1]))
-    last = max(len(values) - 1, 0)
-    if not len(values):
-        return np.full(count, np.nan)
-    low = ordered[np.minimum(starts + np.maximum(sizes - 1, 0) // 2, last)]
-    high = ordered[np.minimum(starts + sizes // 2, last)]
-    return np.asarray(np.where(high - low <= gap, 0.5 * (low + high), low))
+def _typical_points(
+    ranges: FloatArray, offsets: FloatArray, bins: NDArray[np.int64], returns: NDArray[np.int64]
+) -> tuple[FloatArray, FloatArray]:
+    """X and y (B,) of the mean point of each bin with `returns` (B,) samples, x along its middle.
+
+    Averaged are the samples of the middle half by range that lie on the surface of the median. Each
+    keeps its own bearing, so that the mean of points of a straight wall is a point of the wall,
+    however grazing the rays: the median of the bearings is that of another sample.
+    """
+    # Ranges come in steps of a centimetre: bearings settle ties, or the order of the samples would.
+    order = np.lexsort((offsets, ranges, bins))
+    ranges, offsets, bins = ranges[order], offsets[order], bins[order]
+    first = np.cumsum(returns) - returns
+    rank = np.arange(len(ranges)) - first[bins]
+    trimmed = (returns + 1) // 4  # at either end; of three samples one, of two none
+    lower_median = ranges[(first + np.maximum(returns - 1, 0) // 2)[bins]]
+    middle = (rank >= trimmed[bins]) & (rank < (returns - trimmed)[bins])
+    middle &= np.abs(ranges - lower_median) <= _SURFACE_GAP_M
+    ranges, offsets, bins = ranges[middle], offsets[middle], bins[middle]
+    kept = np.maximum(np.bincount(bins, minlength=len(returns)), 1)
+    x = np.bincount(bins, ranges * np.cos(offsets), len(returns)) / kept
+    y = np.bincount(bins, ranges * np.sin(offsets), len(returns)) / kept
+    return x, y
 
 
 def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> PreparedScan:

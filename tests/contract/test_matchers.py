@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from slam_uwb.matching import INITIALISERS, REFINERS, index_scans, match_pair
+from slam_uwb.matching import INITIALISERS, REFINERS, Refinement, index_scans, match_pair
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.settings import MatchingSettings, ScanSettings
 from slam_uwb.model.survey import Scan
@@ -80,10 +80,10 @@ def test_initialisers_bring_the_truth_within_reach_of_the_refiners(room, name):
 @pytest.mark.parametrize("step", [(0.1, 0.1, 0.08), (-0.15, 0.05, -0.08), (0.0, -0.15, 0.05)])
 def test_refiners_reach_the_truth(room, refiner, step):
     start = (TRUTH @ Pose2(*step)).vector[None]
-    poses, converged = REFINERS[refiner](room["a"], room["b"], start, SETTINGS)
-    assert poses.shape == (1, 3)
-    assert converged.tolist() == [True]
-    assert is_true(Pose2.from_vector(poses[0]))
+    refined = REFINERS[refiner](room["a"], room["b"], start, SETTINGS)
+    assert refined.poses.shape == (1, 3)
+    assert refined.converged.tolist() == [True]
+    assert is_true(Pose2.from_vector(refined.poses[0]))
 
 
 def test_refiners_leave_their_starts_alone(room, refiner):
@@ -130,8 +130,36 @@ def test_odd_scans_raise_nothing_and_give_numbers(odd_scans, initialiser, refine
 
 def test_scans_without_overlap_are_no_reason_to_move(odd_scans, refiner):
     away = np.array([[70.0, 0.0, 1.0]])
-    poses, _ = REFINERS[refiner](odd_scans["room"], odd_scans["elsewhere"], away, SETTINGS)
+    poses = REFINERS[refiner](odd_scans["room"], odd_scans["elsewhere"], away, SETTINGS).poses
     np.testing.assert_allclose(poses, away)
+
+
+def demand_no_success_without_overlap(refine, target, source):
+    """Whatever way the scans are apart, one start or several at once, the start is not given back as found."""
+    starts = np.array([[70.0, 0.0, 1.0], [-30.0, 5.0, -3.0], [0.0, 25.0, 0.0]])
+    for initial in (*starts[:, None], starts):
+        assert not refine(target, source, initial, SETTINGS).converged.any()
+
+
+def test_the_start_is_not_returned_as_a_success(odd_scans, refiner):
+    for source in ("room", "elsewhere", "three points"):
+        demand_no_success_without_overlap(REFINERS[refiner], odd_scans["room"], odd_scans[source])
+
+
+def test_a_refiner_that_returns_its_start_as_a_success_would_be_seen(room):
+    def idle(_target, _source, initial, _settings):
+        return Refinement(initial, np.ones(len(initial), dtype=bool), None)
+
+    with pytest.raises(AssertionError):
+        demand_no_success_without_overlap(idle, room["a"], room["b"])
+
+
+def test_refiners_tell_how_many_steps_they_took_where_they_know(room, refiner):
+    start = (TRUTH @ Pose2(0.1, 0.1, 0.08)).vector[None]
+    iterations = REFINERS[refiner](room["a"], room["b"], start, SETTINGS).iterations
+    # The two libraries do not say.
+    assert (iterations is None) == (refiner in ("open3d", "kiss_icp"))
+    assert iterations is None or (1 < iterations[0] < 100)
 
 
 def test_refiners_repeat_themselves(room, refiner):
@@ -139,5 +167,5 @@ def test_refiners_repeat_themselves(room, refiner):
     once = REFINERS[refiner](room["a"], room["b"], starts, SETTINGS)
     for _ in range(10):
         again = REFINERS[refiner](room["a"], room["b"], starts, SETTINGS)
-        np.testing.assert_array_equal(again[0], once[0])
-        np.testing.assert_array_equal(again[1], once[1])
+        np.testing.assert_array_equal(again.poses, once.poses)
+        np.testing.assert_array_equal(again.converged, once.converged)

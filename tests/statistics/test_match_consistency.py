@@ -45,7 +45,7 @@ def run(scene, noise, seed):
     target, source = view(walls, a, noise, rng), view(walls, b, noise, rng)
     truth = a.inverse() @ b
     start = truth @ Pose2(*rng.uniform([-0.1, -0.1, -0.05], [0.1, 0.1, 0.05]))
-    poses, _ = refine_point_to_line(target, source, start.vector[None], SETTINGS)
+    poses = refine_point_to_line(target, source, start.vector[None], SETTINGS).poses
     pose = Pose2.from_vector(poses[0])
     covariance, degenerate = match_covariance(target, source, pose, SETTINGS)
     error = (truth.inverse() @ pose).vector
@@ -73,7 +73,7 @@ def test_headings_of_rooms_are_right_to_hundredths_of_a_degree():
     for seed in range(RUNS):
         rng = np.random.default_rng(1000 + seed)
         target, source = view(walls, a, 0.01, rng), view(walls, b, 0.01, rng)
-        poses, _ = refine_point_to_line(target, source, truth.vector[None], SETTINGS)
+        poses = refine_point_to_line(target, source, truth.vector[None], SETTINGS).poses
         errors.append((truth.inverse() @ Pose2.from_vector(poses[0])).vector)
     mean = np.abs(np.mean(errors, axis=0))
     assert mean[:2].max() < 0.001

@@ -77,7 +77,7 @@ def matches(request):
             target, source = (view(walls, pose, samples, noise, rng) for pose in (a, b))
             truth = a.inverse() @ b
             start = truth @ Pose2(*rng.uniform([-0.1, -0.1, -0.05], [0.1, 0.1, 0.05]))
-            poses, _ = refine_point_to_line(target, source, start.vector[None], SETTINGS)
+            poses = refine_point_to_line(target, source, start.vector[None], SETTINGS).poses
             pose = Pose2.from_vector(poses[0])
             covariance, free = match_covariance(target, source, pose, SETTINGS)
             rows.append(((truth.inverse() @ pose).vector, covariance, free, b.theta))

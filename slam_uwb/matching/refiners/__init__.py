@@ -1,6 +1,6 @@
 """Refiners: from initial matches to matches, one signature.
 
-``(target, source, initial (K, 3), settings) -> (poses target_T_source (K, 3), converged (K,))``
+``(target, source, initial target_T_source (K, 3), settings) -> Refinement``
 
 `open3d` and `kiss_icp` need the extras of those names.
 """
@@ -9,9 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
 from ..index import ScanIndex
@@ -19,10 +16,9 @@ from .kiss_icp import refine_kiss_icp
 from .open3d import refine_open3d
 from .paper_lm import refine_paper_lm
 from .point_to_line import refine_point_to_line
+from .refinement import Refinement
 
-Refiner = Callable[
-    [ScanIndex, ScanIndex, FloatArray, MatchingSettings], tuple[FloatArray, NDArray[np.bool_]]
-]
+Refiner = Callable[[ScanIndex, ScanIndex, FloatArray, MatchingSettings], Refinement]
 
 REFINERS: dict[str, Refiner] = {
     "kiss_icp": refine_kiss_icp,
@@ -31,4 +27,4 @@ REFINERS: dict[str, Refiner] = {
     "point_to_line": refine_point_to_line,
 }
 
-__all__ = ["REFINERS", "Refiner"]
+__all__ = ["REFINERS", "Refinement", "Refiner"]

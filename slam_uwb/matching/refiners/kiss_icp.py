@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.errors import MissingLibraryError
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
 from ..index import ScanIndex
 from .optional import named_if_missing
+from .refinement import Refinement
 from .space import Stage, points_in_space, refine_in_space
 
 _VERSION = "1.3."  # the names below are private to the library
@@ -25,13 +25,13 @@ _STEPS, _STILL = 100, 1e-5  # m and rad
 
 def refine_kiss_icp(
     target: ScanIndex, source: ScanIndex, initial: FloatArray, settings: MatchingSettings
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> Refinement:
     """Move poses target_T_source (K, 3) by KISS-ICP: robust point to point, coarse to fine.
 
     Stages: within 1.5 m, then within `closest_point_m` (Vizzo et al. 2023; two stages are ours).
 
     Returns:
-        (K, 3) poses and (K,) whether each is an answer (`refine_in_space`).
+        K poses and whether each is an answer (`refine_in_space`).
 
     Raises:
         MissingLibraryError: KISS-ICP is not installed, or in a version whose names differ.

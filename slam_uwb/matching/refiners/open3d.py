@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
 from ..index import ScanIndex
 from .optional import named_if_missing
+from .refinement import Refinement
 from .space import Stage, points_in_space, refine_in_space
 
 # Point to point reaches further than point to line: with starts 0.4 m and 20 degrees off it brings
@@ -24,7 +24,7 @@ _STEPS = 30  # of each stage
 
 def refine_open3d(
     target: ScanIndex, source: ScanIndex, initial: FloatArray, settings: MatchingSettings
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> Refinement:
     """Move poses target_T_source (K, 3) by Open3D's ICP, coarse to fine.
 
     Stages: point to point within 1.5 m, point to line within 0.4 m, point to line within
@@ -33,7 +33,7 @@ def refine_open3d(
     without an end slides along its axis by decimetres (the covariance says that it may).
 
     Returns:
-        (K, 3) poses and (K,) whether each is an answer (`refine_in_space`).
+        K poses and whether each is an answer (`refine_in_space`).
 
     Raises:
         MissingLibraryError: Open3D, or a library of the system that it loads, is not installed.

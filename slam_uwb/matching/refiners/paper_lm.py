@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray, Pose2
 from ...model.settings import MatchingSettings
 from ..index import ScanIndex
+from .refinement import Refinement
 
 
 def refine_paper_lm(
     target: ScanIndex, source: ScanIndex, initial: FloatArray, settings: MatchingSettings
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> Refinement:
     """Move poses target_T_source (K, 3) by point-to-point least squares (Algorithm 4, lines 3-5).
 
     The points that have a closest point nearer than `closest_point_m` at the initial match are
     kept, and the sum of their squared distances to whatever target point is closest is minimised.
 
     Returns:
-        (K, 3) refined poses and (K,) whether the optimiser converged with at least three points.
+        K refined poses and whether the optimiser converged with at least three points.
     """
     from scipy.optimize import least_squares
     from scipy.spatial import cKDTree
@@ -27,6 +27,7 @@ def refine_paper_lm(
     tree = cKDTree(target.scan.points)
     poses = np.array(initial, dtype=np.float64).reshape(-1, 3)
     converged = np.zeros(len(poses), dtype=bool)
+    iterations = np.zeros(len(poses), dtype=np.int64)
     for index, start in enumerate(poses):
         moved = Pose2.from_vector(start).transform(source.scan.points)
         fitted = source.scan.points[tree.query(moved)[0] < settings.closest_point_m]
@@ -46,4 +47,5 @@ def refine_paper_lm(
 
         result = least_squares(residual, start, jac=jacobian, method="lm", max_nfev=100)
         poses[index], converged[index] = result.x, result.status > 0
-    return poses, converged
+        iterations[index] = result.njev or 0
+    return Refinement(poses, converged, iterations)

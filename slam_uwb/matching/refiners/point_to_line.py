@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
@@ -13,24 +13,27 @@ from ..batch import adjoints, compose, distinct, invert
 from ..index import ScanIndex
 from ..pairing import pair_points
 from ..score import score_matches
+from .refinement import Refinement
 
 _SAME_FACE = 0.5  # least cosine between the normals of partners
 _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone less than 0.007
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
+_COARSE_GATES_M = (0.6, 0.45, 0.3, 0.3)
 _COARSE = 3  # every third point is enough to find the basin
 _PROMISING = 0.3  # of the evidence that a hypothesis needs in the end
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
+_LEAST_PARTNERS = 3  # residuals that a pose takes
 _SHRINK = 0.6
 _STEPS, _STEPS_UNTIL_STILL = 6, 30
 _LONGEST_STEP_M = 0.5
 _STILL = 1e-8  # m and rad; nothing moves any more
-_STILL_SHARE = 1e-4  # of the residuals' own scale
+_STILL_SHARE = 1e-6  # of the residuals' own scale
 _SCALE_FLOOR_M = 1e-9  # noise-free walls fit exactly
 
 
 def refine_point_to_line(
     target: ScanIndex, source: ScanIndex, initial: FloatArray, settings: MatchingSettings
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> Refinement:
     """Move poses target_T_source (K, 3) until the points of each scan lie on the walls of the other.
 
     Stages: every third point within 0.6 and 0.3 m, one way, to reach the basin; then all points
@@ -42,11 +45,11 @@ def refine_point_to_line(
     dropped.
 
     Returns:
-        (J, 3) refined poses, J <= K, and (J,) whether the last step was shorter than 2 cm and 1
-        degree.
+        J <= K refined poses; one has converged if its last step was shorter than 2 cm and 1 degree
+        and at least three points, which a pose needs, have partners.
     """
     poses = np.array(initial, dtype=np.float64).reshape(-1, 3)
-    for gate in (0.6, 0.45, 0.3, 0.3):
+    for gate in _COARSE_GATES_M:
         poses, _, _ = _step(
             target, source, poses, gate=gate, scale=0.5 * gate, stride=_COARSE, both_ways=False
         )
@@ -55,7 +58,9 @@ def refine_point_to_line(
     least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
     poses, evidence = poses[evidence >= least], evidence[evidence >= least]
     best = distinct(poses, evidence, settings.hypotheses + settings.hypotheses // 2)
-    return polish(target, source, poses[best], settings)
+    fine = polish(target, source, poses[best], settings)
+    steps = None if fine.iterations is None else fine.iterations + len(_COARSE_GATES_M)
+    return replace(fine, iterations=steps)
 
 
 def polish(
@@ -65,13 +70,13 @@ def polish(
     settings: MatchingSettings,
     *,
     until_still: bool = False,
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> Refinement:
     """The fine stage alone, for poses already within about 0.2 m and 5 degrees.
 
     `until_still` goes on, with partners found exactly, until nothing moves: the result then does
     not depend on where in the basin it started.
     """
-    step = np.full((len(poses), 3), np.inf)
+    step, taken = np.full((len(poses), 3), np.inf), 0
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         # The scale shrinks step by step: at once, the many points of one wall would set it, and the
         # few that hold the other direction would be outliers before they have settled. Later it
@@ -87,6 +92,7 @@ def polish(
             both_ways=True,
             exact=until_still,
         )
+        taken = iteration + 1
         # Still under a scale that is yet to shrink is not the end.
         still = np.abs(step).max(axis=1, keepdims=True) < np.maximum(
             _STILL, _STILL_SHARE * used_scale
@@ -94,8 +100,10 @@ def polish(
         if (still & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
-    paired = correspondences(target, source, poses, gate=settings.fine_gate_m)[2].any(axis=1)
-    return poses, paired & (np.abs(step) < _SETTLED).all(axis=1)
+    weight = correspondences(target, source, poses, gate=settings.fine_gate_m)[2]
+    paired = np.count_nonzero(weight, axis=1) >= _LEAST_PARTNERS
+    converged = paired & (np.abs(step) < _SETTLED).all(axis=1)
+    return Refinement(poses, converged, np.full(len(poses), taken))
 
 
 def _step(

@@ -16,6 +16,7 @@ from ...model.geometry import FloatArray, Points
 from ...model.settings import MatchingSettings
 from ..index import ScanIndex
 from .point_to_line import correspondences
+from .refinement import Refinement
 
 Stage = Callable[[FloatArray], FloatArray]
 """One registration: (4, 4) target_T_source in, (4, 4) better one out."""
@@ -33,20 +34,20 @@ def refine_in_space(
     initial: FloatArray,
     settings: MatchingSettings,
     make_stages: Callable[[], Sequence[Stage]],
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> Refinement:
     """Run each pose target_T_source of `initial` (K, 3) through the stages.
 
     `make_stages` is called only with scans that a library can be trusted with.
 
     Returns:
-        (K, 3) poses, the start's where a stage left the plane, and (K,) whether the pose is an
-        answer: it is not the start itself, and enough points face a wall within `fine_gate_m`.
+        K poses, the start's where a stage left the plane, and whether each is an answer: it is not
+        the start itself, and enough points face a wall within `fine_gate_m`.
     """
     starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
     poses = starts.copy()
     answers: NDArray[np.bool_] = np.asarray(np.isfinite(starts).all(axis=1))
     if not (_is_sound(target) and _is_sound(source)):
-        return poses, np.zeros(len(poses), dtype=bool)
+        return Refinement(poses, np.zeros(len(poses), dtype=bool), None)
     stages = make_stages()
     for index in np.flatnonzero(answers):
         end = _through(stages, starts[index])
@@ -56,7 +57,7 @@ def refine_in_space(
     step[:, 2] = np.remainder(step[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     moved = (np.abs(step) > _MOVED).any(axis=1)
     answers[answers] = moved & _has_partners(target, source, poses[answers], settings)
-    return poses, answers
+    return Refinement(poses, answers, None)
 
 
 def _is_sound(index: ScanIndex) -> bool:

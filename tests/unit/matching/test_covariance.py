@@ -174,7 +174,7 @@ def test_what_nothing_holds_is_free_and_finite(view, settings, pose):
 
 def nees(target, source, truth, settings):
     """Normalised squared error of the match refined from the truth, a degree of freedom."""
-    pose = Pose2.from_vector(polish(target, source, truth.vector[None], settings)[0][0])
+    pose = Pose2.from_vector(polish(target, source, truth.vector[None], settings).poses[0])
     covariance, _ = match_covariance(target, source, pose, settings)
     error = (truth.inverse() @ pose).vector
     return error @ np.linalg.solve(covariance, error) / 3.0

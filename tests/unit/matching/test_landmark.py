@@ -1,5 +1,7 @@
 import math
+import tracemalloc
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -150,6 +152,43 @@ def test_thinning_is_even_enough_to_keep_the_truth(view, room, settings, error):
     a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
     thin = settings.model_copy(update={"max_triples": 60})
     found = landmark_matches(view("a", room, a), view("b", room, b), thin)
+    assert min(error(pose, a.inverse() @ b).max() for pose in found) < 1e-6
+
+
+def test_combinations_are_all_and_in_order_until_they_are_too_many():
+    for count in range(9):
+        expected = np.array(list(combinations(range(count), 3)), dtype=int).reshape(-1, 3)
+        np.testing.assert_array_equal(landmark._combinations(count, 100), expected)
+
+
+def test_too_many_combinations_are_thinned_evenly():
+    chosen = landmark._combinations(300, 20_000)
+    assert chosen.shape == (20_000, 3)
+    assert ((chosen[:, 0] < chosen[:, 1]) & (chosen[:, 1] < chosen[:, 2])).all()
+    assert 0 <= chosen.min() < chosen.max() < 300
+    assert len(np.unique(chosen, axis=0)) == 20_000
+    # Each landmark is in one of a hundred triples: 200 of these, more or less.
+    assert np.ptp(np.bincount(chosen.ravel())) < 100
+
+
+def test_many_landmarks_do_not_take_much_memory_and_the_truth_is_still_found(
+    view, room, five, error, monkeypatch
+):
+    """300 landmarks make 4.5 million triples, 200 MB before anything is compared."""
+    monkeypatch.setattr(landmark, "_MOST_TRIPLES", 20_000)
+    rng = np.random.default_rng(6)
+    a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
+    marks = rng.uniform(-12.0, 12.0, (300, 2))
+    target, source = (
+        with_landmarks(view(name, room, pose), pose.inverse().transform(marks))
+        for name, pose in (("a", a), ("b", b))
+    )
+    tracemalloc.start()
+    found = landmark_matches(target, source, five.model_copy(update={"max_triples": 20_000}))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # Mostly the 4096 poses by 360 points that are scored at once.
+    assert peak < 250e6
     assert min(error(pose, a.inverse() @ b).max() for pose in found) < 1e-6
 
 

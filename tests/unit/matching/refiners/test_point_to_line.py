@@ -26,14 +26,12 @@ def off(truth, distance=0.2, degrees=10.0, direction=0.0):
 def test_exact_scans_come_together_exactly(view, room, error, settings, direction, degrees):
     a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
     target, source, truth = view("a", room, a), view("b", room, b), a.inverse() @ b
-    poses, converged = refine_point_to_line(
-        target, source, off(truth, 0.2, degrees, direction), settings
-    )
-    assert converged.tolist() == [True]
-    assert error(poses[0], truth).max() < 1e-3
-    poses, converged = polish(target, source, poses, settings, until_still=True)
-    assert converged.tolist() == [True]
-    assert error(poses[0], truth).max() < 1e-6
+    refined = refine_point_to_line(target, source, off(truth, 0.2, degrees, direction), settings)
+    assert refined.converged.tolist() == [True]
+    assert error(refined.poses[0], truth).max() < 1e-3
+    refined = polish(target, source, refined.poses, settings, until_still=True)
+    assert refined.converged.tolist() == [True]
+    assert error(refined.poses[0], truth).max() < 1e-6
 
 
 def test_the_truth_of_exact_scans_is_left_where_it_is(view, room, error, settings):
@@ -44,10 +42,10 @@ def test_the_truth_of_exact_scans_is_left_where_it_is(view, room, error, setting
         )
         truth = a.inverse() @ b
         target, source = view("a", room, a), view("b", room, b)
-        poses, _ = polish(target, source, truth.vector[None], settings)
+        poses = polish(target, source, truth.vector[None], settings).poses
         # Points at corners, whose normals are wrong, pull a little until they are found to be outliers.
         assert error(poses[0], truth).max() < 1e-3
-        poses, _ = polish(target, source, poses, settings, until_still=True)
+        poses = polish(target, source, poses, settings, until_still=True).poses
         assert error(poses[0], truth).max() < 1e-6
 
 
@@ -56,13 +54,13 @@ def test_noisy_scans_come_together_within_their_noise(view, room, error, setting
     a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
     truth = a.inverse() @ b
     for _ in range(10):
-        poses, converged = refine_point_to_line(
+        refined = refine_point_to_line(
             view("a", room, a, rng), view("b", room, b, rng), off(truth), settings
         )
-        assert converged.all()
+        assert refined.converged.all()
         # 10 mm of noise, hundreds of points: millimetres.
-        assert error(poses[0], truth)[:2].max() < 0.01
-        assert error(poses[0], truth)[2] < math.radians(0.3)
+        assert error(refined.poses[0], truth)[:2].max() < 0.01
+        assert error(refined.poses[0], truth)[2] < math.radians(0.3)
 
 
 def test_swapped_scans_end_in_the_inverse(view, room, settings):
@@ -70,10 +68,10 @@ def test_swapped_scans_end_in_the_inverse(view, room, settings):
     target = view("a", room, Pose2(2.0, 1.5, 0.5), rng)
     source = view("b", room, Pose2(3.0, 2.2, -2.0), rng)
     start = (Pose2(2.0, 1.5, 0.5).inverse() @ Pose2(3.05, 2.2, -1.98)).vector
-    forth, _ = polish(target, source, start[None], settings, until_still=True)
-    back, _ = polish(
+    forth = polish(target, source, start[None], settings, until_still=True).poses
+    back = polish(
         source, target, Pose2.from_vector(start).inverse().vector[None], settings, until_still=True
-    )
+    ).poses
     round_trip = Pose2.from_vector(forth[0]) @ Pose2.from_vector(back[0])
     np.testing.assert_allclose(round_trip.vector, 0.0, atol=1e-3)
 
@@ -84,9 +82,9 @@ def test_the_two_faces_of_a_wall_are_not_glued_together(view, error, settings):
     right = [((4.12, 0), (9, 0)), ((9, 0), (9, 4)), ((9, 4), (4.12, 4)), ((4.12, 4), (4.12, 0))]
     a, b = Pose2(2.0, 1.7, 0.3), Pose2(6.0, 2.2, -1.0)
     truth = a.inverse() @ b
-    poses, _ = refine_point_to_line(
+    poses = refine_point_to_line(
         view("a", left, a), view("b", right, b), truth.vector[None], settings
-    )
+    ).poses
     # Glued, the rooms would come 0.12 m together.
     assert error(poses[0], truth)[:2].max() < 0.01
 
@@ -98,12 +96,12 @@ def test_a_wall_seen_from_both_sides_through_a_door_keeps_its_thickness(
     a, b = Pose2(2.6, 1.6, 0.3), Pose2(5.4, 1.5, -1.0)
     truth = a.inverse() @ b
     for _ in range(5):
-        poses, _ = refine_point_to_line(
+        poses = refine_point_to_line(
             view("a", two_rooms, a, rng, 0.005),
             view("b", two_rooms, b, rng, 0.005),
             off(truth, 0.05, 2.0),
             settings,
-        )
+        ).poses
         assert error(poses[0], truth)[:2].max() < 0.02
 
 
@@ -119,9 +117,9 @@ def test_a_corridor_does_not_slide_along_its_axis(view, corridor, settings, nois
             for s, p in (("a", a), ("b", b))
         )
         start = a.inverse() @ Pose2(b.x + along, b.y + 0.1, b.theta + 0.03)
-        poses, converged = refine_point_to_line(target, source, start.vector[None], settings)
-        end = a @ Pose2.from_vector(poses[0])
-        assert converged.all()
+        refined = refine_point_to_line(target, source, start.vector[None], settings)
+        end = a @ Pose2.from_vector(refined.poses[0])
+        assert refined.converged.all()
         assert end.x == pytest.approx(b.x + along, abs=0.05)
         assert end.y == pytest.approx(b.y, abs=0.02)
         assert end.angle_to(b) < math.radians(0.5)
@@ -132,9 +130,10 @@ def test_an_end_wall_holds_a_corridor_along_its_axis(view, error, settings):
     a, b = Pose2(0.0, 0.8, 0.4), Pose2(2.0, 1.2, -1.0)
     target, source = (view(s, walls, p, max_range=15.0) for s, p in (("a", a), ("b", b)))
     truth = a.inverse() @ b
-    poses, _ = refine_point_to_line(target, source, off(truth, 0.2, 3.0, 1.0), settings)
+    poses = refine_point_to_line(target, source, off(truth, 0.2, 3.0, 1.0), settings).poses
     assert (
-        error(polish(target, source, poses, settings, until_still=True)[0][0], truth).max() < 0.01
+        error(polish(target, source, poses, settings, until_still=True).poses[0], truth).max()
+        < 0.01
     )
 
 
@@ -142,8 +141,8 @@ def test_candidates_of_a_batch_do_not_touch_one_another(view, room, settings):
     target, source = view("a", room, Pose2(2, 1.5, 0.5)), view("b", room, Pose2(3, 2.2, -2.0))
     truth = Pose2(2, 1.5, 0.5).inverse() @ Pose2(3, 2.2, -2.0)
     starts = np.concatenate([off(truth, 0.1, 3.0, d) for d in (0.0, 2.0, 4.0)])
-    together, _ = polish(target, source, starts, settings)
-    alone = [polish(target, source, start[None], settings)[0][0] for start in starts]
+    together = polish(target, source, starts, settings).poses
+    alone = [polish(target, source, start[None], settings).poses[0] for start in starts]
     np.testing.assert_allclose(together, alone, atol=1e-7)
 
 
@@ -151,22 +150,44 @@ def test_starts_that_end_in_one_place_are_one(view, room, settings):
     a, b = Pose2(2.0, 1.5, 0.5), Pose2(3.0, 2.2, -2.0)
     truth = a.inverse() @ b
     starts = np.concatenate([off(truth, 0.15, 5.0, d) for d in np.linspace(0, 6, 12)])
-    poses, _ = refine_point_to_line(view("a", room, a), view("b", room, b), starts, settings)
+    poses = refine_point_to_line(view("a", room, a), view("b", room, b), starts, settings).poses
     assert len(poses) == 1
 
 
 def test_where_nothing_is_near_nothing_moves(view, room, settings):
     target, source = view("a", room, Pose2(2, 1.5, 0.5)), view("b", room, Pose2(3, 2.2, -2.0))
     start = np.array([[200.0, -100.0, 1.0]])
-    poses, _ = refine_point_to_line(target, source, start, settings)
+    poses = refine_point_to_line(target, source, start, settings).poses
     np.testing.assert_allclose(poses, start)
+
+
+@pytest.mark.parametrize(("shared", "answer"), [(2, False), (3, True)])
+def test_fewer_than_three_partners_are_no_answer(view, settings, shared, answer):
+    """Two walls in one line, of which as many points as given lie within the gate."""
+    index = view("a", [((-1.0, 2.0), (1.0, 2.0))], Pose2(0.0, 0.0, 0.2), max_range=3.0)
+    along = Pose2(0.0, 0.0, 0.2).inverse().rotation[:, 0]
+    for apart in np.arange(1.5, 2.3, 0.005):
+        start = np.array([[*(apart * along), 0.0]])
+        weight = correspondences(index, index, start, gate=settings.fine_gate_m)[2]
+        if np.count_nonzero(weight) == shared:
+            break
+    assert np.count_nonzero(weight) == shared
+    assert polish(index, index, start, settings).converged.tolist() == [answer]
+
+
+def test_steps_are_counted(view, room, settings):
+    index = view("a", room, Pose2(2.0, 1.5, 0.5))
+    start = np.array([[0.05, 0.02, 0.01]])
+    assert polish(index, index, start, settings).iterations.tolist() == [6]
+    assert refine_point_to_line(index, index, start, settings).iterations.tolist() == [4 + 6]
+    assert 6 < polish(index, index, start, settings, until_still=True).iterations[0] <= 30
 
 
 def test_no_start_no_pose(view, room, settings):
     index = view("a", room, Pose2(2.0, 1.5, 0.5))
-    poses, converged = refine_point_to_line(index, index, np.zeros((0, 3)), settings)
-    assert poses.shape == (0, 3)
-    assert converged.shape == (0,)
+    refined = refine_point_to_line(index, index, np.zeros((0, 3)), settings)
+    assert refined.poses.shape == (0, 3)
+    assert refined.converged.shape == (0,)
 
 
 def test_residuals_are_distances_from_the_targets_walls(view, room, settings):

@@ -42,11 +42,11 @@ def test_noisy_scans_come_together_from_near_and_far(
     rng = np.random.default_rng(1)
     target, source = view("a", room, A, rng), view("b", room, B, rng)
     starts = [off(distance, degrees, direction) for direction in np.radians(range(0, 360, 45))]
-    poses, answers = refine(target, source, np.concatenate(starts), settings)
-    assert answers.all()
+    refined = refine(target, source, np.concatenate(starts), settings)
+    assert refined.converged.all()
     # 10 mm of noise, hundreds of points 5 cm apart: point to point ends within 4 mm, to line within 3.
-    assert max(error(pose, TRUTH)[:2].max() for pose in poses) < 0.006
-    assert max(error(pose, TRUTH)[2] for pose in poses) < math.radians(0.3)
+    assert max(error(pose, TRUTH)[:2].max() for pose in refined.poses) < 0.006
+    assert max(error(pose, TRUTH)[2] for pose in refined.poses) < math.radians(0.3)
 
 
 def test_what_one_scan_alone_sees_does_not_pull(view, room, error, settings, refine):
@@ -55,14 +55,14 @@ def test_what_one_scan_alone_sees_does_not_pull(view, room, error, settings, ref
     rng = np.random.default_rng(3)
     target = view("a", room, A, rng)
     source = view("b", np.concatenate([room, cabinet]), B, rng)
-    poses, answers = refine(target, source, off(0.2, 10.0, 1.0), settings)
-    assert answers.all()
-    assert error(poses[0], TRUTH)[:2].max() < 0.01
+    refined = refine(target, source, off(0.2, 10.0, 1.0), settings)
+    assert refined.converged.all()
+    assert error(refined.poses[0], TRUTH)[:2].max() < 0.01
 
 
 def test_point_to_line_is_exact_where_scans_are(view, room, error, settings, refine_open3d):
     """Points of two scans are not the same points: without the walls' normals 1.5 mm remain."""
-    poses, _ = refine_open3d(view("a", room, A), view("b", room, B), off(0.2, 10.0), settings)
+    poses = refine_open3d(view("a", room, A), view("b", room, B), off(0.2, 10.0), settings).poses
     assert error(poses[0], TRUTH).max() < 3e-4
 
 
@@ -73,12 +73,14 @@ def test_a_corridor_comes_together_across_and_is_known_to_be_free_along(
     a, b = Pose2(0.0, 0.8, 0.4), Pose2(2.0, 1.2, -1.0)
     target, source = (view(s, corridor, p, rng, max_range=15.0) for s, p in (("a", a), ("b", b)))
     start = a.inverse() @ Pose2(b.x, b.y + 0.15, b.theta + 0.05)
-    poses, answers = refine(target, source, start.vector[None], settings)
-    end = a @ Pose2.from_vector(poses[0])
-    assert answers.tolist() == [True]
+    refined = refine(target, source, start.vector[None], settings)
+    end = a @ Pose2.from_vector(refined.poses[0])
+    assert refined.converged.tolist() == [True]
     assert end.y == pytest.approx(b.y, abs=0.02)
     assert end.angle_to(b) < math.radians(0.5)
-    covariance, degenerate = match_covariance(target, source, Pose2.from_vector(poses[0]), settings)
+    covariance, degenerate = match_covariance(
+        target, source, Pose2.from_vector(refined.poses[0]), settings
+    )
     assert degenerate
     assert math.sqrt(np.linalg.eigvalsh(covariance).max()) > 0.5
 
@@ -87,32 +89,32 @@ def test_one_wall_is_not_matched_upside_down(view, settings, refine_open3d):
     """Open3D turns a straight wall over, with a fitness of 1: seen from above a mirror image."""
     wall = [((2.0, -0.7), (2.0, 0.7))]
     index = view("a", wall, Pose2.identity(), max_range=2.2)
-    poses, _ = refine_open3d(index, index, np.array([[0.1, 0.05, 0.05]]), settings)
+    poses = refine_open3d(index, index, np.array([[0.1, 0.05, 0.05]]), settings).poses
     # Turned over about the wall, the scanner would be 4 m away and look back.
     assert np.abs(poses[0, [0, 2]]).max() < 0.15
 
 
 @pytest.mark.parametrize("start", [(200.0, -100.0, 1.0), (-30.0, 0.0, 3.0)])
 def test_without_overlap_there_is_no_answer(view, room, settings, refine, start):
-    poses, answers = refine(view("a", room, A), view("b", room, B), np.array([start]), settings)
-    np.testing.assert_allclose(poses, [start])
-    assert answers.tolist() == [False]
+    refined = refine(view("a", room, A), view("b", room, B), np.array([start]), settings)
+    np.testing.assert_allclose(refined.poses, [start])
+    assert refined.converged.tolist() == [False]
 
 
 def test_every_start_has_its_row(view, room, error, settings, refine):
     starts = np.concatenate([off(0.1, 3.0), [[300.0, 0.0, 0.0], [math.nan] * 3], off(0.1, -3.0)])
-    poses, answers = refine(view("a", room, A), view("b", room, B), starts, settings)
-    assert answers.tolist() == [True, False, False, True]
-    np.testing.assert_array_equal(poses[1:3], starts[1:3])
-    assert max(error(poses[k], TRUTH).max() for k in (0, 3)) < 0.03
+    refined = refine(view("a", room, A), view("b", room, B), starts, settings)
+    assert refined.converged.tolist() == [True, False, False, True]
+    np.testing.assert_array_equal(refined.poses[1:3], starts[1:3])
+    assert max(error(refined.poses[k], TRUTH).max() for k in (0, 3)) < 0.03
 
 
 def test_angles_of_many_turns_do_no_harm(view, room, error, settings, refine):
     """KISS-ICP ends the process where a rotation is not orthonormal."""
     starts = off(0.1, 3.0) + [0.0, 0.0, 2.0 * math.pi * 1000]
-    poses, answers = refine(view("a", room, A), view("b", room, B), starts, settings)
-    assert answers.all()
-    assert error(poses[0], TRUTH).max() < 0.03
+    refined = refine(view("a", room, A), view("b", room, B), starts, settings)
+    assert refined.converged.all()
+    assert error(refined.poses[0], TRUTH).max() < 0.03
 
 
 def test_a_map_keeps_the_scans_points(view, room, error, settings, need_refiner):
@@ -122,7 +124,7 @@ def test_a_map_keeps_the_scans_points(view, room, error, settings, need_refiner)
     errors = []
     for k in range(24):
         target, source = view("a", room, A, rng), view("b", room, B, rng)
-        errors.append(error(refine(target, source, off(0.2, 10.0, k), settings)[0][0], TRUTH))
+        errors.append(error(refine(target, source, off(0.2, 10.0, k), settings).poses[0], TRUTH))
     assert np.median([np.hypot(x, y) for x, y, _ in errors]) < 0.0026
 
 

@@ -58,24 +58,24 @@ def test_motions_out_of_the_plane_and_nan_are_no_poses(spoil):
 
 
 def test_a_pose_that_brings_the_walls_together_is_an_answer(pair, settings):
-    poses, answers = refine_in_space(*pair, NEAR[None], settings, lambda: (stand_still, to_truth))
-    assert answers.tolist() == [True]
-    np.testing.assert_allclose(poses[0], TRUTH.vector, atol=1e-12)
+    refined = refine_in_space(*pair, NEAR[None], settings, lambda: (stand_still, to_truth))
+    assert refined.converged.tolist() == [True]
+    np.testing.assert_allclose(refined.poses[0], TRUTH.vector, atol=1e-12)
 
 
 @pytest.mark.parametrize("turns", [-1, 0, 1])
 def test_the_start_given_back_is_no_answer(pair, settings, turns):
     """However well it fits, and however the library writes its angle."""
     start = NEAR + [0.0, 0.0, 2.0 * math.pi * turns]
-    _, answers = refine_in_space(*pair, start[None], settings, lambda: (stand_still,))
-    assert answers.tolist() == [False]
+    refined = refine_in_space(*pair, start[None], settings, lambda: (stand_still,))
+    assert refined.converged.tolist() == [False]
 
 
 def test_a_pose_without_partners_is_no_answer(pair, settings):
     def away(_start):
         return pose_in_space(np.array([50.0, 0.0, 0.0]))
 
-    assert not refine_in_space(*pair, NEAR[None], settings, lambda: (away,))[1].any()
+    assert not refine_in_space(*pair, NEAR[None], settings, lambda: (away,)).converged.any()
 
 
 def test_back_to_back_walls_are_no_partners(view, settings):
@@ -87,24 +87,26 @@ def test_back_to_back_walls_are_no_partners(view, settings):
     def glue(_start):
         return pose_in_space((Pose2(0.0, -1.5, 0.3).inverse() @ Pose2(0.0, 1.4, -0.4)).vector)
 
-    assert not refine_in_space(front, back, truth.vector[None], settings, lambda: (glue,))[1].any()
+    assert not refine_in_space(
+        front, back, truth.vector[None], settings, lambda: (glue,)
+    ).converged.any()
 
 
 def test_no_stage_follows_one_that_left_the_plane(pair, settings):
     def turn_over(_start):
         return UPSIDE_DOWN
 
-    poses, answers = refine_in_space(*pair, NEAR[None], settings, lambda: (turn_over, fail))
-    np.testing.assert_array_equal(poses[0], NEAR)
-    assert answers.tolist() == [False]
+    refined = refine_in_space(*pair, NEAR[None], settings, lambda: (turn_over, fail))
+    np.testing.assert_array_equal(refined.poses[0], NEAR)
+    assert refined.converged.tolist() == [False]
 
 
 def test_starts_that_are_no_numbers_do_not_reach_the_library(pair, settings):
     starts = np.stack([NEAR, [math.nan, 0.0, 0.0], NEAR, [0.0, 0.0, math.inf]])
-    poses, answers = refine_in_space(*pair, starts, settings, lambda: (to_truth,))
-    assert answers.tolist() == [True, False, True, False]
-    np.testing.assert_array_equal(poses[[1, 3]], starts[[1, 3]])
-    assert not refine_in_space(*pair, starts[[1]], settings, lambda: (fail,))[1].any()
+    refined = refine_in_space(*pair, starts, settings, lambda: (to_truth,))
+    assert refined.converged.tolist() == [True, False, True, False]
+    np.testing.assert_array_equal(refined.poses[[1, 3]], starts[[1, 3]])
+    assert not refine_in_space(*pair, starts[[1]], settings, lambda: (fail,)).converged.any()
 
 
 @pytest.mark.parametrize("spoilt", [0, 1])
@@ -114,12 +116,12 @@ def test_scans_that_are_no_scans_do_not_reach_the_library(pair, settings, spoilt
     points[7:8, 1] = math.nan
     scans = list(pair)
     scans[spoilt] = SimpleNamespace(scan=SimpleNamespace(points=points))
-    poses, answers = refine_in_space(*scans, NEAR[None], settings, fail)
-    assert answers.tolist() == [False]
-    np.testing.assert_array_equal(poses[0], NEAR)
+    refined = refine_in_space(*scans, NEAR[None], settings, fail)
+    assert refined.converged.tolist() == [False]
+    np.testing.assert_array_equal(refined.poses[0], NEAR)
 
 
 def test_no_start_no_pose(pair, settings):
-    poses, answers = refine_in_space(*pair, np.zeros((0, 3)), settings, lambda: (fail,))
-    assert poses.shape == (0, 3)
-    assert answers.shape == (0,)
+    refined = refine_in_space(*pair, np.zeros((0, 3)), settings, lambda: (fail,))
+    assert refined.poses.shape == (0, 3)
+    assert refined.converged.shape == (0,)
