@@ -29,11 +29,11 @@ from .spread import add_tails
 from .variables import Indices, Variables, movement
 from .verdicts import judge_links
 
-MAX_ROUNDS = 16
+MAX_ROUNDS = 30
 """Three or four are the rule; more only where a point jumps between two minima."""
 LEARNING_ROUNDS = 2
 """Then the link model and the choice between minima stand; only labels still follow the places."""
-STILL = 5e-6
+STILL = 1e-6
 """m. Rounds end where no anchor moves further: its labels are then those of where it is."""
 
 

@@ -185,6 +185,6 @@ def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkMode
         np.asarray(start, dtype=np.float64),
         method="L-BFGS-B",
         bounds=[(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names),
-        options={"maxiter": 25, "eps": 1e-4, "ftol": 1e-9},
+        options={"maxiter": 20, "eps": 1e-4, "ftol": 1e-9},
     )
     return changed(np.asarray(found.x)), float(found.fun)
