@@ -74,7 +74,7 @@ def undecided_stations(
 ) -> int:
     """How many stations are in blocks that fit the largest one well, but at several places.
 
-    If they outnumber those of the largest block, it may be two equal rooms laid over each other as
+    If they are as many as those of the largest block, it may be two equal rooms laid over each other as
     well as one.
     """
     touching = touching_stations(hypotheses)

@@ -90,7 +90,7 @@ def select_matches(
     # Where somebody said how a station stands to another, it has no other place.
     decided_stations = {station for match in firm for station in (match.target, match.source)}
     rivals = {s: rival for s, rival in rivals.items() if s not in decided_stations}
-    if undecided_stations(blocks, scans, hypotheses, settings) > len(blocks[0].poses):
+    if undecided_stations(blocks, scans, hypotheses, settings) >= len(blocks[0].poses):
         placement, aliased = {}, blocks[0].poses.keys() - rivals
     else:
         placement = {s: pose for s, pose in blocks[0].poses.items() if s not in rivals}
