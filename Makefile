@@ -8,13 +8,16 @@ BIN := $(VENV)/bin
 MADE := $(if $(PYTHON),$(VENV)/made-with-$(subst /,_,$(PYTHON)),$(firstword $(wildcard $(VENV)/made-with-*) $(VENV)/made-with-any))
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test check clean
+.PHONY: help reproduce demo test check clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## /\1|/p' $(firstword $(MAKEFILE_LIST)) | awk -F'|' '{ printf "  make %-6s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z]*\):.*## /\1|/p' $(firstword $(MAKEFILE_LIST)) | awk -F'|' '{ printf "  make %-9s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/installed ## solve the bundled survey with both methods and compare with the truth
 	@$(BIN)/python scripts/demo.py
+
+reproduce: $(VENV)/installed-positioning ## the paper's tables and figures, under results/reproduction; ARGS=--quick
+	$(BIN)/python scripts/reproduce.py $(ARGS)
 
 test: $(VENV)/installed-dev ## the whole suite, on all cores; ARGS="-k evaluate" for a part
 	$(BIN)/python -m pytest -n auto $(ARGS)
@@ -41,7 +44,12 @@ $(VENV)/installed: pyproject.toml $(MADE)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	@touch $@
 
+$(VENV)/installed-positioning: pyproject.toml $(MADE)
+	@echo "installing slam-uwb with positioning into $(VENV) (once)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[positioning]'
+	@touch $(VENV)/installed $@
+
 $(VENV)/installed-dev: pyproject.toml $(MADE)
 	@echo "installing slam-uwb and its development tools into $(VENV) (once)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
-	@touch $(VENV)/installed $@
+	@touch $(VENV)/installed $(VENV)/installed-positioning $@

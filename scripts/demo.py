@@ -9,7 +9,7 @@ from slam_uwb.evaluate import Evaluation, GroupEvaluation, evaluate_solution
 from slam_uwb.io import read_reference, read_survey, write_solution
 from slam_uwb.model.settings import settings_from_mapping
 from slam_uwb.pipeline import solve_survey
-from slam_uwb.report import draw_solution, figure_png
+from slam_uwb.report import draw_report, draw_solution, figure_png
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SURVEY = REPOSITORY / "datasets" / "paper-office"
@@ -31,11 +31,22 @@ def main() -> None:
         start = time.monotonic()
         solution = solve_survey(survey, settings_from_mapping({"graph": {"mode": mode}}))
         out = REPOSITORY / "out" / f"{SURVEY.name}-{mode}"
-        write_solution(solution, out, extras={"figure.png": figure_png(draw_solution(solution))})
+        write_solution(
+            solution,
+            out,
+            extras={
+                "figure.png": figure_png(draw_solution(solution)),
+                "report.html": draw_report(solution).encode(),
+            },
+        )
         evaluation = evaluate_solution(solution, reference)
         print(ROW.format(mode, *_columns(evaluation), f"{time.monotonic() - start:.1f} s"))
         pictures.append(f"{mode + ':':<12}{out / 'figure.png'}\n{'':<12}{meaning}")
     print("\nfloor map, stations and anchors:", *pictures, sep="\n")
+    print(
+        "\nreport to open in a browser:",
+        REPOSITORY / "out" / f"{SURVEY.name}-joint" / "report.html",
+    )
     print("\nRMSE is over what the method calls ok; what it cannot tell says why in its status.")
 
 

@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
 from ._version import __version__
 from .graph import SOLVERS, adjust_placement
-from .mapping import build_floor_map, find_walls
-from .matching import Selection, candidate_pairs, index_scans, match_pairs, select_matches
-from .model.errors import DisconnectedSurveyError
+from .mapping import build_floor_map, build_floor_plan, find_walls
+from .matching import (
+    Selection,
+    candidate_pairs,
+    decide_pairs,
+    index_scans,
+    match_pairs,
+    review_pairs,
+    select_matches,
+)
+from .model.errors import DisconnectedSurveyError, SlamUwbError
+from .model.frame_change import change_frame, fit_frame, main_direction
 from .model.geometry import Pose2
-from .model.products import GraphProblem, Progress, ScanMatch, silent
+from .model.products import (
+    GraphProblem,
+    LinkMeasurement,
+    Progress,
+    ScanMatch,
+    WallPieces,
+    silent,
+)
 from .model.settings import GraphSettings, Settings
 from .model.solution import (
     Alternative,
+    DecisionOutcome,
     FloorMap,
+    FloorPlan,
     GraphEstimate,
     Solution,
     StationEstimate,
@@ -24,11 +43,14 @@ from .model.solution import (
 )
 from .model.survey import Scan, StationId, Survey
 from .ranging import (
+    decide_links,
+    keep_links,
     least_separation,
     link_model,
     range_gain,
     reduce_anchor_links,
     reduce_links,
+    review_links,
 )
 from .scan import prepare_scan, reduce_scan
 
@@ -38,6 +60,7 @@ def solve_survey(
     settings: Settings | None = None,
     *,
     use_ranges: bool = True,
+    align: str | Mapping[str, tuple[float, float]] | None = None,
     progress: Progress = silent,
     workers: int = 1,
 ) -> Solution:
@@ -47,6 +70,9 @@ def solve_survey(
         survey: What was measured.
         settings: Knobs of all steps; the defaults where None.
         use_ranges: False leaves the UWB ranges out: poses and map from the scans alone.
+        align: `walls` turns the frame so that the main walls run along its axes; known places (x, y) m
+            of two or more stations and anchors move it there. A frame that the survey's own control
+            points fix stays.
         progress: Called with what is being done, how much of it is done, and how much there is.
         workers: Processes that match scans; the result does not depend on it.
 
@@ -69,20 +95,24 @@ def solve_survey(
         if s.upper_scan is not None
     }
     links = reduce_links(survey, settings.ranging) if use_ranges else ()
+    links = decide_links(links, survey.decisions)
 
     indexed = index_scans(scans, settings.matching)
     separation = least_separation(tuple(indexed), links) if links else None
     pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching, separation)
     hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
+    decided = decide_pairs(survey.decisions, pairs, hypotheses, indexed, settings.matching)
     selection = select_matches(
         indexed,
-        hypotheses,
-        pairs,
+        decided.hypotheses,
+        decided.pairs,
         settings.matching,
         adjust=adjust_placement,
+        firm=decided.firm,
         range_gain=range_gain(survey, links),
         progress=progress,
     )
+    walls_at = partial(find_walls, scans, settings=settings.mapping, upper_scans=upper_scans)
     problem = GraphProblem(
         stations=survey.stations,
         anchors=survey.anchors,
@@ -93,20 +123,54 @@ def solve_survey(
         tag_offset=survey.tag_offset,
         range_offset=survey.range_offset,
         sequence=survey.sequence,
-        link_model=link_model(
-            settings.ranging,
-            partial(find_walls, scans, settings=settings.mapping, upper_scans=upper_scans)
-            if scans
-            else None,
-        ),
+        link_model=link_model(settings.ranging, walls_at if scans else None),
     )
     progress("estimating poses and anchors", 0, 1)
     estimate = _solve(problem, settings.graph, selection)
     progress("estimating poses and anchors", 1, 1)
+    aligned_T_world = _alignment(estimate, align, walls_at, settings)
+    if aligned_T_world is not None:
+        estimate = change_frame(estimate, aligned_T_world)
 
     poses = {s.id: s.pose for s in estimate.stations if s.pose is not None and s.id in scans}
     floor_map = build_floor_map(scans, poses, settings.mapping) if poses else None
-    return _solution(survey, settings, estimate, selection.matches, floor_map, reduced)
+    plan = build_floor_plan(walls_at(poses), floor_map, settings.mapping) if floor_map else None
+    outcomes = (
+        *review_pairs(survey.decisions, decided, selection.placement, settings.matching),
+        *review_links(survey.decisions, estimate.links),
+    )
+    estimate = _with_links(estimate, keep_links(estimate.links, survey.decisions))
+    matches = (*selection.matches, *decided.dropped)
+    return _solution(
+        survey, settings, estimate, matches, floor_map, plan, reduced, outcomes, aligned_T_world
+    )
+
+
+def _alignment(
+    estimate: GraphEstimate,
+    align: str | Mapping[str, tuple[float, float]] | None,
+    walls_at: Callable[[Mapping[StationId, Pose2]], WallPieces],
+    settings: Settings,
+) -> Pose2 | None:
+    """aligned_T_world; None where nothing is asked for, or the site's own control points rule."""
+    if align is None:
+        return None
+    if estimate.frame == "site":
+        raise SlamUwbError("--align: the survey's control points fix the frame already")
+    if not isinstance(align, str):
+        return fit_frame(estimate, align)
+    walls = walls_at({s.id: s.pose for s in estimate.stations if s.pose is not None})
+    ends = walls.ends[walls.probability >= settings.mapping.room_wall_probability]
+    return Pose2(0.0, 0.0, -main_direction(ends)) if len(ends) else None
+
+
+def _with_links(estimate: GraphEstimate, links: tuple[LinkMeasurement, ...]) -> GraphEstimate:
+    """The estimate with links whose use has changed, and the anchors' counts of them."""
+    anchors = tuple(
+        replace(a, stations=sum(k.anchor == a.id and k.rejection is None for k in links))
+        for a in estimate.anchors
+    )
+    return replace(estimate, links=links, anchors=anchors)
 
 
 def _solve(problem: GraphProblem, settings: GraphSettings, selection: Selection) -> GraphEstimate:
@@ -152,7 +216,10 @@ def _solution(
     estimate: GraphEstimate,
     matches: tuple[ScanMatch, ...],
     floor_map: FloorMap | None,
+    plan: FloorPlan | None,
     scans: Mapping[StationId, Scan],
+    decisions: tuple[DecisionOutcome, ...],
+    aligned_T_world: Pose2 | None,
 ) -> Solution:
     return Solution(
         survey_name=survey.name,
@@ -170,7 +237,17 @@ def _solution(
         joint_covariance=estimate.joint_covariance,
         checks=estimate.checks,
         floor_map=floor_map,
+        plan=plan,
         scans=scans,
         tag_offset=survey.tag_offset,
-        warnings=("decisions.csv is read, but not obeyed yet",) if survey.decisions else (),
+        warnings=tuple(
+            f"decisions.csv: {d.kind} {d.a}, {d.b}: {d.verdict}, {outcome.effect}, although "
+            f"{outcome.contradiction}"
+            for outcome in decisions
+            if outcome.contradiction is not None
+            for d in [outcome.decision]
+        ),
+        decisions=decisions,
+        alignment=aligned_T_world,
+        tag_heights={s.id: s.tag_height for s in survey.stations if math.isfinite(s.tag_height)},
     )

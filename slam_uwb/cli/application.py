@@ -13,9 +13,18 @@ from typing import Annotated
 import typer
 
 from .check import check
+from .compare import compare
+from .emulate import emulate
 from .evaluate import evaluate
+from .export import export
+from .import_survey import import_recordings
 from .interruption import Interrupted, interruptible
 from .options import VerboseOption, show_version
+from .plan import plan
+from .ports import ports
+from .position import position
+from .record import record
+from .report import report
 from .settings import settings
 from .simulate import simulate
 from .solve import solve
@@ -35,8 +44,26 @@ application = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for command in (solve, evaluate, check, simulate, settings):
+for command in (
+    solve,
+    evaluate,
+    compare,
+    position,
+    check,
+    simulate,
+    settings,
+    record,
+    ports,
+    emulate,
+    report,
+    export,
+    plan,
+):
     application.command()(command)
+
+
+# `import` is no name in Python.
+application.command("import")(import_recordings)
 
 
 @application.callback()
@@ -55,7 +82,7 @@ def program(
     your own, and `slam-uwb solve SURVEY --out OUT`.
 
     Exit status: 0 done; 2 the input or the arguments are wrong; 3 the survey cannot be solved;
-    130 interrupted.
+    4 an instrument fails; 130 interrupted.
     """
 
 

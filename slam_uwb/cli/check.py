@@ -16,12 +16,16 @@ def check(
 ) -> None:
     """Read a survey folder and print every fault and warning with file, line and column.
 
-    A fault keeps the survey from being solved (exit status 2); a warning does not.
+    A fault keeps the survey from being solved (exit status 2); a warning does not. A positioning
+    recording (a folder with positioning.toml) is looked at in the same way.
     """
     from ..io import check_survey
+    from ..io.positioning_toml import POSITIONING_TOML
+    from ..io.tag_recording import check_tag_recording
     from ..model.errors import SurveyFormatError
 
-    result = check_survey(survey)
+    is_recording = (survey / POSITIONING_TOML).is_file()
+    result = check_tag_recording(survey) if is_recording else check_survey(survey)
     if as_json:
         report = {"survey": str(survey), "ok": not result.faults}
         lists = {"faults": result.faults, "warnings": result.warnings}

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import json
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .options import JsonOption, VerboseOption
+
+
+class Align(StrEnum):
+    """What the solution is aligned on."""
+
+    AUTO = "auto"
+    STATIONS = "stations"
+    ANCHORS = "anchors"
+    BOTH = "both"
+    UNALIGNED = "unaligned"
 
 
 def evaluate(
@@ -33,6 +44,23 @@ def evaluate(
             metavar="FILE", show_default=False, help="Draw solution and truth to this PNG file."
         ),
     ] = None,
+    align: Annotated[
+        Align,
+        typer.Option(
+            metavar="WHAT",
+            help="What the solution is aligned on before it is scored: stations, anchors, both, "
+            "unaligned, or auto: nothing in a site frame, else the stations, else the anchors.",
+        ),
+    ] = Align.AUTO,
+    tum: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            show_default=False,
+            help="Write the stations' poses to estimate.tum and reference.tum there, for evo and "
+            "other tools; the time stamp is the station's number.",
+        ),
+    ] = None,
     _verbose: VerboseOption = False,
 ) -> None:
     """Compare a solution with ground truth.
@@ -40,16 +68,26 @@ def evaluate(
     Aligned rigidly, without scale, on the stations that are ok (not at all in a site frame);
     anchors are scored in that frame, and what was not placed is counted.
     """
-    from ..evaluate import evaluate_solution, evaluation_to_json, format_evaluation
+    from ..evaluate import (
+        estimate_to_tum,
+        evaluate_solution,
+        evaluation_to_json,
+        format_evaluation,
+        reference_to_tum,
+    )
     from ..io import read_reference, read_solution
 
     solution, truth = read_solution(out), read_reference(reference)
-    evaluation = evaluate_solution(solution, truth)
+    evaluation = evaluate_solution(solution, truth, align.value)
     if figure is not None:
         from ..report import draw_solution, figure_png
 
         drawing = draw_solution(solution, reference=truth, evaluation=evaluation)
         figure.write_bytes(figure_png(drawing))
+    if tum is not None:
+        tum.mkdir(parents=True, exist_ok=True)
+        (tum / "estimate.tum").write_text(estimate_to_tum(solution), encoding="utf-8")
+        (tum / "reference.tum").write_text(reference_to_tum(solution, truth), encoding="utf-8")
     text = (
         json.dumps(evaluation_to_json(evaluation), indent=2)
         if as_json

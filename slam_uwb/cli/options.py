@@ -46,3 +46,7 @@ SurveyArgument = Annotated[
         metavar="SURVEY", show_default=False, help="Survey folder: survey.toml, scans, ranges."
     ),
 ]
+SolutionArgument = Annotated[
+    Path,
+    typer.Argument(metavar="OUT", show_default=False, help="Solution folder that `solve` wrote."),
+]

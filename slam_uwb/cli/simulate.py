@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .options import VerboseOption
 from .targets import refuse_survey_target
+
+if TYPE_CHECKING:
+    from ..simulate import Radio, Simulation
 
 
 def list_scenes(wanted: bool) -> None:
@@ -58,6 +61,15 @@ def simulate(
     no_sequence: Annotated[
         bool, typer.Option("--no-sequence", help="Leave out which scan follows which.")
     ] = False,
+    tags: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            show_default=False,
+            help="Write what the same anchors hear of static tags (DIR/static) and of a person who "
+            "walks (DIR/walk), for `position`.",
+        ),
+    ] = None,
     _list: Annotated[
         bool,
         typer.Option(
@@ -71,6 +83,8 @@ def simulate(
     from ..simulate import Lidar, Radio, simulate_survey
 
     refuse_survey_target(out)
+    if tags is not None:
+        refuse_survey_target(tags)
     lidar, radio = Lidar(), Radio()
     if duration_s is not None:
         upper_s = min(duration_s, lidar.upper_duration)
@@ -83,7 +97,26 @@ def simulate(
         (str(station), str(anchor)): item for (station, anchor), item in made.link_truth.items()
     }
     write_survey(made.survey, out, reference=made.reference, link_truth=truth, compress=True)
+    if tags is not None:
+        _write_tags(made, seed, radio, tags)
     typer.echo(
         f"{made.survey.name}: {len(made.survey.stations)} stations, "
         f"{len(made.survey.anchors)} anchors, in {out}"
     )
+
+
+def _write_tags(made: Simulation, seed: int, radio: Radio, folder: Path) -> None:
+    from ..io.folder_swap import replace_folder
+    from ..io.tag_recording import tag_recording_files
+    from ..simulate import simulate_static_tags, simulate_walk
+
+    recordings = {
+        "static": simulate_static_tags(made.scene, seed, radio=radio),
+        "walk": simulate_walk(made.scene, seed, radio=radio),
+    }
+    files = {
+        f"{name}/{file}": content
+        for name, item in recordings.items()
+        for file, content in tag_recording_files(item.recording, item.truth).items()
+    }
+    replace_folder(folder, files)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +12,7 @@ import typer
 
 from .options import JsonOption, SurveyArgument, VerboseOption
 from .progress import progress_bar
+from .report import REPORT
 from .summary import print_summary, print_warnings
 from .targets import refuse_solution_target
 
@@ -73,6 +76,15 @@ def solve(
     no_ranges: Annotated[
         bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
     ] = False,
+    align: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="walls|ID=X,Y",
+            show_default=False,
+            help="Frame of all results: `walls` turns the main walls along the axes; two or more "
+            "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
+        ),
+    ] = None,
     workers: Annotated[
         int, typer.Option(min=1, metavar="N", help="Processes that match scans.")
     ] = 1,
@@ -85,6 +97,7 @@ def solve(
     """
     refuse_solution_target(out, survey)
     chosen = _choose_settings(settings, mode, pairs)
+    frame = parse_alignment(align or [])
     sound = _read_sound_survey(survey)
 
     from ..io import write_solution
@@ -92,16 +105,36 @@ def solve(
 
     with progress_bar() as progress:
         solution = solve_survey(
-            sound, chosen, use_ranges=not no_ranges, progress=progress, workers=workers
+            sound, chosen, use_ranges=not no_ranges, align=frame, progress=progress, workers=workers
         )
         progress("drawing and writing", 0, 1)
-        from ..report import draw_solution, figure_png
+        from ..report import draw_report, draw_solution, figure_png
 
         picture = figure_png(draw_solution(solution))
-        write_solution(solution, out, extras={FIGURE: picture})
+        page = draw_report(solution).encode()
+        write_solution(solution, out, extras={FIGURE: picture, REPORT: page})
         progress("drawing and writing", 1, 1)
     print_warnings(solution.warnings)
-    print_summary(solution, out, out / FIGURE, as_json=as_json)
+    print_summary(solution, out, out / FIGURE, out / REPORT, as_json=as_json)
+
+
+def parse_alignment(words: Sequence[str]) -> str | dict[str, tuple[float, float]] | None:
+    """`walls`, or places by identifier; SettingsError for anything else."""
+    from ..model.errors import SettingsError
+
+    if list(words) in ([], ["walls"]):
+        return words[0] if words else None
+    places = {}
+    for word in words:
+        name, _, place = word.rpartition("=")
+        try:
+            x, y = map(float, place.split(","))
+        except ValueError:
+            x = y = math.nan
+        if not name or not math.isfinite(x + y):
+            raise SettingsError("--align", f"{word!r}: expected `walls`, or ID=X,Y in metres")
+        places[name] = (x, y)
+    return places
 
 
 def _choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None) -> Settings:

@@ -21,16 +21,23 @@ def print_warnings(warnings: Iterable[str]) -> None:
         typer.echo(f"warning: {warning}", err=True)
 
 
-def print_summary(solution: Solution, out: Path, figure: Path, *, as_json: bool) -> None:
+def print_summary(
+    solution: Solution, out: Path, figure: Path, report: Path, *, as_json: bool
+) -> None:
     """The result of one solve, to stdout."""
     summary = summarise(solution)
     if as_json:
-        typer.echo(json.dumps({**summary, "out": str(out), "figure": str(figure)}, indent=2))
+        typer.echo(
+            json.dumps(
+                {**summary, "out": str(out), "figure": str(figure), "report": str(report)}, indent=2
+            )
+        )
         return
     for line in format_summary(summary):
         typer.echo(line)
     typer.echo(f"solution  {out}")
     typer.echo(f"picture   {figure}")
+    typer.echo(f"report    {report}")
 
 
 def summarise(solution: Solution) -> dict[str, Any]:

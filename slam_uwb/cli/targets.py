@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 from pathlib import Path
 
 from ..model.errors import SlamUwbError
@@ -39,6 +40,16 @@ def refuse_survey_target(out: Path) -> None:
     """Raise `TargetError` unless `out` is new or empty: recordings cannot be made again."""
     if _contents(out):
         raise TargetError(out, "exists and is not empty")
+
+
+def replace_file(target: Path, data: bytes) -> None:
+    """Write a file whole or not at all; OSError as the file system has it."""
+    fresh = target.with_name(f".{target.name}.{secrets.token_hex(4)}.partial")
+    try:
+        fresh.write_bytes(data)
+        fresh.replace(target)
+    finally:
+        fresh.unlink(missing_ok=True)
 
 
 def _contents(out: Path) -> list[Path]:

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..model.geometry import FloatArray, Points, Pose2, wrap_angle
+from ..model.geometry import FloatArray, Points, Pose2, Vector2, wrap_angle
 from ..model.solution import Solution, Status
 from ..model.survey import Reference, ReferencePlace
 from .consistency import aligned_covariances, squared_error
 from .estimates import Estimate, anchor_estimates, joint_covariance, station_estimates
-from .evaluation import Alignment, Evaluation, GroupEvaluation, ItemEvaluation
+from .evaluation import Alignment, AlignOn, Evaluation, GroupEvaluation, ItemEvaluation
 
 _NOWHERE = ReferencePlace(math.nan, math.nan)
 
@@ -50,17 +50,26 @@ def rigid_alignment(source: Points, target: Points) -> Pose2:
     return Pose2(float(x), float(y), theta)
 
 
-def evaluate_solution(solution: Solution, reference: Reference) -> Evaluation:
+def evaluate_solution(
+    solution: Solution, reference: Reference, align: AlignOn = "auto"
+) -> Evaluation:
     """Score every station and anchor against ground truth.
 
-    The solution is aligned rigidly and without scale on its `ok` stations; not at all where its
-    frame is the site's. Where the reference knows fewer than two of its stations it is aligned on
-    the `ok` anchors, whose errors are then flattered. Where too few are `ok`, nothing is scored.
+    By default the solution is aligned rigidly and without scale on its `ok` stations; not at all
+    where its frame is the site's. Where the reference knows fewer than two of its stations it is
+    aligned on the `ok` anchors, whose errors are then flattered. Where too few are `ok`, nothing is
+    scored.
 
     The NEES counts what the alignment does to the uncertainty; the reference is taken as exact.
+
+    Args:
+        solution: What to score.
+        reference: The truth.
+        align: Other choices than the default, for figures of others that were made so: on the `ok`
+            anchors, on `both`, on the stations in a site frame too, or not at all.
     """
     stations, anchors = station_estimates(solution), anchor_estimates(solution)
-    alignment, reference_T_world, used = _align(solution.frame, stations, anchors, reference)
+    alignment, reference_T_world, used = _align(solution.frame, stations, anchors, reference, align)
     covariances: list[FloatArray | None] = [None] * (len(stations) + len(anchors))
     if reference_T_world is not None:
         covariances = aligned_covariances(
@@ -83,28 +92,44 @@ def evaluate_solution(solution: Solution, reference: Reference) -> Evaluation:
 
 
 def _align(
-    frame: str, stations: Sequence[Estimate], anchors: Sequence[Estimate], reference: Reference
+    frame: str,
+    stations: Sequence[Estimate],
+    anchors: Sequence[Estimate],
+    reference: Reference,
+    align: AlignOn,
 ) -> tuple[Alignment, Pose2 | None, list[int]]:
     """What the alignment rests on, `reference_T_world`, and the items it used (stations first)."""
-    if frame == "site":
-        return "site", Pose2.identity(), []
-    places = [_place(reference.stations, item.id) for item in stations]
-    kind: Alignment = "stations"
-    items, first = stations, 0
-    if sum(map(_known, places)) < 2:
-        places = [_place(reference.anchors, item.id) for item in anchors]
-        kind, items, first = "anchors", anchors, len(stations)
-    pairs = [
-        (first + k, item.position, (place.x, place.y))
-        for k, (item, place) in enumerate(zip(items, places, strict=True))
-        if item.status is Status.OK and item.position is not None and _known(place)
-    ]
+    kind: Alignment
+    if align != "auto":
+        kind = align
+    elif frame == "site":
+        kind = "site"
+    else:
+        places = (_place(reference.stations, item.id) for item in stations)
+        kind = "stations" if sum(map(_known, places)) >= 2 else "anchors"
+    if kind in ("site", "unaligned"):
+        return kind, Pose2.identity(), []
+    pairs = _pairs(stations, reference.stations, 0) if kind != "anchors" else []
+    if kind != "stations":
+        pairs += _pairs(anchors, reference.anchors, len(stations))
     source = np.array([position for _, position, _ in pairs]).reshape(-1, 2)
     target = np.array([place for _, _, place in pairs]).reshape(-1, 2)
     try:
         return kind, rigid_alignment(source, target), [k for k, _, _ in pairs]
     except ValueError:
         return "none", None, []
+
+
+def _pairs(
+    items: Sequence[Estimate], places: Mapping[Any, ReferencePlace], first: int
+) -> list[tuple[int, Vector2, tuple[float, float]]]:
+    """Number, estimate and true place of each `ok` item whose place the reference knows."""
+    found = []
+    for k, item in enumerate(items, first):
+        place = _place(places, item.id)
+        if item.status is Status.OK and item.position is not None and _known(place):
+            found.append((k, item.position, (place.x, place.y)))
+    return found
 
 
 def _score(

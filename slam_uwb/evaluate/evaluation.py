@@ -11,8 +11,10 @@ import numpy as np
 from ..model.geometry import Pose2
 from ..model.solution import Status
 
-Alignment = Literal["site", "stations", "anchors", "none"]
-"""What fixed the reference's frame: `site` needs nothing, `none` means that nothing could."""
+Alignment = Literal["site", "stations", "anchors", "both", "unaligned", "none"]
+"""What fixed the reference's frame: `site` needs nothing, `unaligned` took it as given, `none`: nothing could."""
+AlignOn = Literal["auto", "stations", "anchors", "both", "unaligned"]
+"""What to align on; `auto`: nothing in a site frame, else the stations, else the anchors."""
 
 _NAN = float("nan")
 

@@ -13,6 +13,8 @@ _ALIGNED_ON = {
     "site": "none needed, both are in the site's frame",
     "stations": "rigid, without scale, on the stations with status ok",
     "anchors": "rigid, without scale, on the anchors with status ok (their errors are flattered)",
+    "both": "rigid, without scale, on the stations and anchors with status ok",
+    "unaligned": "none asked for: places are compared as they are",
     "none": "NOT POSSIBLE: the reference knows too few places with status ok; nothing is scored",
 }
 

@@ -59,7 +59,8 @@ def _decision(
         findings.fault(table.name, problem, line)
     decided.setdefault(key, line)
     pose = None
-    if verdict == "guess":
+    # A row copied from matches.csv to be kept says by its pose which hypothesis is meant.
+    if verdict == "guess" or (kind == "pair" and verdict == "keep" and np.isfinite(guess).all()):
         x, y, yaw = guess.tolist()
         pose = Pose2(x, y, float(radians_from_degrees(yaw)))
     return Decision(kind, a, target, verdict, pose)

@@ -56,20 +56,34 @@ def ros_map(floor_map: FloorMap) -> tuple[bytes, bytes]:
     """map.png (8-bit grey, row 0 at the largest y) and map.yaml of the ROS map_server."""
     from PIL import Image
 
+    stream = io.BytesIO()
+    Image.fromarray(_grey(floor_map)).save(stream, format="PNG", optimize=False)
+    return stream.getvalue(), _yaml(floor_map, "map.png")
+
+
+def pgm_map(floor_map: FloorMap) -> tuple[bytes, bytes]:
+    """map.pgm (binary, 8-bit) and map.yaml: the map_server's first format."""
+    grey = _grey(floor_map)
+    header = f"P5\n{grey.shape[1]} {grey.shape[0]}\n255\n"
+    return header.encode() + grey.tobytes(), _yaml(floor_map, "map.pgm")
+
+
+def _grey(floor_map: FloorMap) -> NDArray[np.uint8]:
     # From the stored steps, so that a solution read and written again gives the same picture.
     occupancy = occupancy_of(quantise(floor_map.occupancy))
     grey = np.full(occupancy.shape, 205, dtype=np.uint8)
     grey[occupancy > OCCUPIED_THRESHOLD] = 0
     grey[occupancy < FREE_THRESHOLD] = 254
-    stream = io.BytesIO()
-    Image.fromarray(np.flipud(grey)).save(stream, format="PNG", optimize=False)
+    return np.flipud(grey)
+
+
+def _yaml(floor_map: FloorMap, picture: str) -> bytes:
     x, y = floor_map.origin
-    yaml = (
-        "image: map.png\n"
+    return (
+        f"image: {picture}\n"
         f"resolution: {floor_map.resolution:.6f}\n"
         f"origin: [{x + 0.0:.6f}, {y + 0.0:.6f}, 0.000000]\n"
         "negate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESHOLD}\n"
         f"free_thresh: {FREE_THRESHOLD}\n"
-    )
-    return stream.getvalue(), yaml.encode()
+    ).encode()

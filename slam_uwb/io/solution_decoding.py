@@ -16,12 +16,16 @@ from ..model.solution import (
     Alternative,
     AnchorEstimate,
     Bias,
+    DecisionOutcome,
     FloorMap,
+    FloorPlan,
+    Room,
     Solution,
     SolverChecks,
     StationEstimate,
+    Wall,
 )
-from ..model.survey import AnchorId, Scan, StationId
+from ..model.survey import AnchorId, Decision, Scan, StationId
 from . import solution_document as doc
 from .findings import shown
 from .floor_map_files import occupancy_of, unpack
@@ -67,7 +71,30 @@ def _solution(document: doc.SolutionDocument) -> Solution:
         scans={StationId(item.station): _scan(item) for item in document.scans},
         tag_offset=document.tag_offset_m,
         warnings=tuple(document.warnings),
+        decisions=tuple(map(_decision, document.decisions)),
+        tag_heights={StationId(name): value for name, value in document.tag_heights_m.items()},
+        alignment=None if document.alignment is None else _pose(document.alignment),
+        plan=None if document.plan is None else _plan(document.plan),
     )
+
+
+def _plan(item: doc.PlanDocument) -> FloorPlan:
+    return FloorPlan(
+        rooms=tuple(
+            Room(np.array(room.polygon_m).reshape(-1, 2), room.area_m2) for room in item.rooms
+        ),
+        walls=tuple(
+            Wall(np.array(wall.ends_m), _float(wall.thickness_m), _float(wall.probability))
+            for wall in item.walls
+        ),
+        doors=np.array(item.doors_m).reshape(-1, 2, 2),
+    )
+
+
+def _decision(item: doc.DecisionDocument) -> DecisionOutcome:
+    guess = None if item.guess is None else _pose(item.guess)
+    decision = Decision(item.kind, item.a, item.b, item.decision, guess)
+    return DecisionOutcome(decision, item.effect, item.contradiction)
 
 
 def _float(value: float | None) -> float:

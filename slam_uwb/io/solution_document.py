@@ -149,6 +149,45 @@ class ScanDocument(_Document):
     max_range_m: float
 
 
+class RoomDocument(_Document):
+    """A closed room."""
+
+    polygon_m: list[tuple[float, float]] = Field(
+        description="counter-clockwise, between wall faces"
+    )
+    area_m2: float
+
+
+class WallDocument(_Document):
+    """A wall, or one face of it."""
+
+    ends_m: tuple[tuple[float, float], tuple[float, float]]
+    thickness_m: Real = Field(description="null where only one face was seen: ends are the face's")
+    probability: Real
+
+
+class PlanDocument(_Document):
+    """Rooms, walls and doors in the world frame."""
+
+    rooms: list[RoomDocument] = Field(description="the largest first")
+    walls: list[WallDocument]
+    doors_m: list[tuple[tuple[float, float], tuple[float, float]]] = Field(
+        description="each from jamb to jamb"
+    )
+
+
+class DecisionDocument(_Document):
+    """What became of something that a person decided."""
+
+    kind: Literal["pair", "link"]
+    a: str
+    b: str
+    decision: Literal["keep", "drop", "guess"]
+    guess: PoseDocument | None = Field(description="b in a's frame")
+    effect: str = Field(description="what was done")
+    contradiction: str | None = Field(description="what in the data speaks against it")
+
+
 class SolutionDocument(_Document):
     """Everything that was found about one survey."""
 
@@ -167,6 +206,13 @@ class SolutionDocument(_Document):
     joint: JointDocument
     checks: ChecksDocument | None
     warnings: list[str]
+    # Not there in solutions of the first version.
+    decisions: list[DecisionDocument] = []
+    plan: PlanDocument | None = None
+    alignment: PoseDocument | None = Field(
+        default=None, description="from the frame of the station to that of all places here"
+    )
+    tag_heights_m: dict[str, float] = Field(default={}, description="above the floor, by station")
     settings: dict[str, Any] = Field(description="all of them, as settings.toml has them")
     floor_map: MapDocument | None
     scans: list[ScanDocument]

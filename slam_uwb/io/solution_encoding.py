@@ -11,7 +11,9 @@ from ..model.solution import (
     Alternative,
     AnchorEstimate,
     Bias,
+    DecisionOutcome,
     FloorMap,
+    FloorPlan,
     Solution,
     SolverChecks,
     StationEstimate,
@@ -42,11 +44,49 @@ def solution_json(solution: Solution) -> bytes:
         ),
         checks=None if solution.checks is None else _checks(solution.checks),
         warnings=list(solution.warnings),
+        decisions=[_decision(item) for item in solution.decisions],
+        tag_heights_m={str(name): height for name, height in solution.tag_heights.items()},
+        alignment=None if solution.alignment is None else _pose(solution.alignment),
+        plan=None if solution.plan is None else _plan(solution.plan),
         settings=solution.settings.model_dump(mode="json"),
         floor_map=None if solution.floor_map is None else _map(solution.floor_map),
         scans=[_scan(name, scan) for name, scan in solution.scans.items()],
     )
     return document.model_dump_json().encode() + b"\n"
+
+
+def _plan(plan: FloorPlan) -> doc.PlanDocument:
+    return doc.PlanDocument.model_validate(
+        {
+            "rooms": [
+                {"polygon_m": room.polygon.tolist(), "area_m2": room.area} for room in plan.rooms
+            ],
+            "walls": [
+                {
+                    "ends_m": wall.ends.tolist(),
+                    "thickness_m": real(wall.thickness),
+                    "probability": real(wall.probability),
+                }
+                for wall in plan.walls
+            ],
+            "doors_m": plan.doors.tolist(),
+        }
+    )
+
+
+def _decision(item: DecisionOutcome) -> doc.DecisionDocument:
+    decision = item.decision
+    return doc.DecisionDocument.model_validate(
+        {
+            "kind": decision.kind,
+            "a": decision.a,
+            "b": decision.b,
+            "decision": decision.verdict,
+            "guess": None if decision.guess is None else _pose(decision.guess),
+            "effect": item.effect,
+            "contradiction": item.contradiction,
+        }
+    )
 
 
 def _rows(matrix: FloatArray | None) -> Any:

@@ -22,7 +22,10 @@ class ScanSettings(_Section):
     """One recording -> one point an angle bin, normals, wall segments, landmarks."""
 
     bin_deg: float = Field(
-        1.0, gt=0.0, le=10.0, description="angle bin whose samples are reduced to their median"
+        1.0,
+        gt=0.0,
+        le=10.0,
+        description="angle bin whose samples are reduced to one point near their median",
     )
     min_return_share: float = Field(
         0.5, ge=0.0, le=1.0, description="a bin with fewer returns among its samples is no return"

@@ -65,7 +65,7 @@ def draw_solution(
     axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set_facecolor(str(_UNKNOWN))
     if solution.floor_map is not None and solution.floor_map.occupancy.size:
-        _draw_floor_map(axes, solution.floor_map)
+        draw_floor_map(axes, solution.floor_map)
     ticks = heading_ticks(stations, length=0.022 * float(np.max(high - low)))
     draw_reference(axes, anchors, truth)
     draw_alternatives(axes, stations, STATION)
@@ -96,7 +96,8 @@ def figure_png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def _draw_floor_map(axes: Axes, floor_map: FloorMap) -> None:
+def draw_floor_map(axes: Axes, floor_map: FloorMap) -> None:
+    """Greys: dark walls, white free space, grey where nobody looked."""
     height, width = floor_map.occupancy.shape
     x, y = floor_map.origin
     # Below one half a cell is rather free: white at once, so that only walls and the unknown are grey.

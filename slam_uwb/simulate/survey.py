@@ -31,9 +31,7 @@ from .radio import (
     sample_ranges,
 )
 from .scene import Scene
-
-# One independent stream a thing: what stands later in the survey never changes what stands before.
-_SCENE, _STATION, _ANCHOR, _TAG, _LINK, _SAMPLES = range(6)
+from .streams import Stream, stream
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +68,7 @@ def simulate_survey(
         The survey, named `<scene>-<seed>`, and its truth in the frame of the plan; SlamUwbError where the
         scene's name is unknown.
     """
-    site = build_scene(scene, _stream(seed, _SCENE)) if isinstance(scene, str) else scene
+    site = build_scene(scene, stream(seed, Stream.SCENE)) if isinstance(scene, str) else scene
     visits = [_visit(site, k, lidar, radio, seed) for k in range(len(site.stations))]
     poses = [pose for pose, _ in visits]
     links, recordings = _record_links(site, poses, radio, seed, two_way)
@@ -88,13 +86,9 @@ def simulate_survey(
     return Simulation(survey, _reference(site, poses), site, truth)
 
 
-def _stream(seed: int, *key: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
-
-
 def _visit(scene: Scene, k: int, lidar: Lidar, radio: Radio, seed: int) -> tuple[Pose2, Station]:
     """Station number `k`: its pose and its scans, each with a heading of its own."""
-    rng = _stream(seed, _STATION, k)
+    rng = stream(seed, Stream.STATION, k)
     x, y = (float(v) for v in scene.stations[k])
     pose, raised = (Pose2(x, y, theta) for theta in rng.uniform(-np.pi, np.pi, 2))
     has_upper = lidar.upper_duration > 0
@@ -114,21 +108,23 @@ def _record_links(
     scene: Scene, poses: list[Pose2], radio: Radio, seed: int, two_way: bool
 ) -> tuple[dict[tuple[StationId, AnchorId], LinkTruth], list[RangeSamples | TwoWayPeriods]]:
     """All links and what was heard of them, station by station."""
-    tag_device = draw_device(radio, _stream(seed, _TAG))
-    devices = [draw_device(radio, _stream(seed, _ANCHOR, a)) for a in range(len(scene.anchors))]
+    tag_device = draw_device(radio, stream(seed, Stream.TAG))
+    devices = [
+        draw_device(radio, stream(seed, Stream.ANCHOR, a)) for a in range(len(scene.anchors))
+    ]
     truths: dict[tuple[StationId, AnchorId], LinkTruth] = {}
     heard: list[RangeSamples | TwoWayPeriods] = []
     for s, pose in enumerate(poses):
         tag = np.append(pose.transform(np.array(radio.tag_offset)), radio.tag_height)
         links = [
-            draw_link(scene, tag, scene.anchors[a], device, radio, _stream(seed, _LINK, s, a))
+            draw_link(scene, tag, scene.anchors[a], device, radio, stream(seed, Stream.LINK, s, a))
             for a, device in enumerate(devices)
         ]
         tries = count_exchanges(links, radio)
         for a, (link, device) in enumerate(zip(links, devices, strict=True)):
             name = (scene.station_ids[s], scene.anchor_ids[a])
             truths[name] = link
-            rng = _stream(seed, _SAMPLES, s, a)
+            rng = stream(seed, Stream.SAMPLES, s, a)
             heard += _record_link(
                 name, link, tries, (tag_device, device) if two_way else None, radio, rng
             )

@@ -61,6 +61,22 @@ def test_draws_on_request(run, pristine_survey, pristine_solution, tmp_path):
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
+def test_writes_trajectories_for_other_tools(run, pristine_survey, pristine_solution, tmp_path):
+    done = run(
+        *("evaluate", pristine_solution, "--reference", pristine_survey / "reference"),
+        *("--tum", tmp_path / "tum", "--align", "both"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "stations and anchors" in done.stdout
+    rows = {
+        name: [line.split() for line in (tmp_path / "tum" / name).read_text().splitlines()]
+        for name in ("estimate.tum", "reference.tum")
+    }
+    assert all(len(row) == 8 for lines in rows.values() for row in lines)
+    # The same stations by the same numbers, so that another tool pairs them.
+    assert {row[0] for row in rows["estimate.tum"]} <= {row[0] for row in rows["reference.tum"]}
+
+
 @pytest.mark.parametrize(
     ("out", "reference"), [("nowhere", "flat/reference"), ("flat", "flat/reference")]
 )

@@ -7,8 +7,11 @@ import pytest
 
 from slam_uwb._version import __version__
 
-COMMANDS = ("solve", "evaluate", "check", "simulate", "settings")
-HEAVY = ("gtsam", "numpy", "scipy", "matplotlib", "tomlkit", "PIL", "rich")
+COMMANDS = (
+    "solve", "evaluate", "compare", "position", "check", "simulate", "settings", "record", "ports", "emulate",
+    "report", "export", "plan", "import",
+)  # fmt: skip
+HEAVY = ("gtsam", "numpy", "scipy", "matplotlib", "tomlkit", "PIL", "rich", "serial")
 
 
 def python(code):
@@ -72,6 +75,12 @@ def test_no_heavy_module_is_loaded_before_there_is_work(arguments):
         (["simulate", "flat", "--out", "x", "--seed", "-1"], "--seed"),
         (["simulate", "flat", "--out", "x", "--seed", "1", "--duration-s", "nan"], "--duration-s"),
         (["check"], "SURVEY"),
+        (["record", "x"], "--lidar"),
+        (["record", "x", "--lidar", "bogus"], "bogus"),
+        (["record", "x", "--lidar", "sweep", "--seconds", "nan"], "--seconds"),
+        (["import", "csv"], "FILES"),
+        (["import", "csv", "a.csv"], "--out"),
+        (["emulate", "x"], "--ports"),
     ],
 )
 def test_wrong_arguments_end_with_2_and_are_named(run, tmp_path, arguments, named):

@@ -12,7 +12,7 @@ from slam_uwb.io import read_survey, write_survey
 
 FILES = {
     *("anchors.csv", "stations.csv", "alternatives.csv", "links.csv", "matches.csv"),
-    *("solution.json", "map.png", "map.yaml", "settings.toml", "figure.png"),
+    *("solution.json", "map.png", "map.yaml", "settings.toml", "figure.png", "report.html"),
 }
 
 

@@ -192,6 +192,41 @@ def test_without_reference_stations_the_anchors_align():
     assert evaluation.stations.expected == 0
 
 
+def test_what_is_aligned_on_can_be_chosen():
+    # The stations stand as they should; each anchor is off by the same (0.3, 0.4) in the reference's axes.
+    # On the stations every anchor errs by 0.5; on the anchors none does, and the stations err by 0.5. On
+    # both, by least squares, the shift lies between, so that neither errs by 0 or by 0.5.
+    moved = [anchor(n, (x + 0.3, y + 0.4)) for n, (x, y) in TRUE_ANCHORS.items()]
+    found = {
+        kind: evaluate_solution(solution(anchors=moved), reference(), kind)
+        for kind in ("auto", "stations", "anchors", "both")
+    }
+    assert [item.alignment for item in found.values()] == [
+        "stations",
+        "stations",
+        "anchors",
+        "both",
+    ]
+    for kind in ("auto", "stations"):
+        assert found[kind].anchors.ok_errors.rmse == pytest.approx(0.5)
+        assert found[kind].stations.ok_errors.rmse == pytest.approx(0.0, abs=1e-9)
+    assert found["anchors"].anchors.ok_errors.rmse == pytest.approx(0.0, abs=1e-9)
+    assert found["anchors"].stations.ok_errors.rmse == pytest.approx(0.5)
+    assert 0.05 < found["both"].anchors.ok_errors.rmse < 0.45
+    assert 0.05 < found["both"].stations.ok_errors.rmse < 0.45
+
+
+def test_unaligned_takes_the_places_as_they_are():
+    # The solution's frame is WORLD_T_REFERENCE away: unaligned, the first anchor errs by how far that moves it.
+    found = evaluate_solution(solution(), reference(), "unaligned")
+    assert found.alignment == "unaligned"
+    moved = WORLD_T_REFERENCE.transform(TRUE_ANCHORS["A"]) - TRUE_ANCHORS["A"]
+    assert by_name(found.anchors)["A"].error == pytest.approx(np.linalg.norm(moved))
+    # And a site frame can be aligned on the stations where that is asked for.
+    site = evaluate_solution(solution(frame="site"), reference(), "stations")
+    assert site.anchors.ok_errors.rmse == pytest.approx(0.0, abs=1e-9)
+
+
 def test_one_reference_station_fixes_no_frame():
     # Its error is measured all the same, in the frame of the anchors.
     evaluation = evaluate_solution(solution(), reference(stations={"s3": TRUE_STATIONS["s3"]}))

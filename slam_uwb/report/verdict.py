@@ -1,0 +1,148 @@
+"""One word on a whole survey: good, usable, or measure again; with the reasons and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from ..model.products import LinkMeasurement
+from ..model.solution import Solution, Status
+from .trust import MEANING, AnchorJudgement, Trust
+
+_CONFIRMED_M = 0.001
+"""iSAM2 and batch optimisation agree to this."""
+_ANCHORS_FOR_POSITIONING = 3
+_NAMED = 6
+
+
+class Level(StrEnum):
+    """The verdict's word."""
+
+    GOOD = "good"
+    USABLE = "usable"
+    AGAIN = "measure again"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is not as it should be."""
+
+    text: str
+    advice: str
+    grave: bool = False
+    """Whether it alone makes a survey one to measure again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The verdict with what led to it."""
+
+    level: Level
+    summary: str
+    findings: tuple[Finding, ...]
+
+
+_ADVICE: dict[Status, str] = {
+    Status.OK: "",
+    Status.AMBIGUOUS: "one more station where it tells the places apart, or survey one place",
+    Status.MIRROR_AMBIGUOUS: "one more station away from the line of those that hear it",
+    Status.WEAK_GEOMETRY: "stations on other sides of it; measure its height if that is missing",
+    Status.UNREACHABLE: "stations nearer to it, in rooms that see it; check that it is on",
+    Status.DISCONNECTED: "one more station between it and its neighbours, seeing walls of both",
+}
+
+
+def judge_solution(solution: Solution, anchors: Sequence[AnchorJudgement]) -> Verdict:
+    """The verdict on a solution, from the judgements of its anchors."""
+    findings = (
+        *_anchor_findings(anchors),
+        *_station_findings(solution),
+        *_link_findings(solution.links),
+        *_solver_findings(solution),
+    )
+    level = Level.USABLE if findings else Level.GOOD
+    if any(finding.grave for finding in findings):
+        level = Level.AGAIN
+    return Verdict(level, _summary(solution, anchors), findings)
+
+
+def _summary(solution: Solution, anchors: Sequence[AnchorJudgement]) -> str:
+    placed = sum(station.status is Status.OK for station in solution.stations)
+    text = f"{placed} of {len(solution.stations)} stations placed"
+    if anchors:
+        trusted = [item for item in anchors if item.trust is Trust.YES]
+        text += f", {len(trusted)} of {len(anchors)} anchors can be trusted"
+        if trusted:
+            text += f", the least certain of them to {max(i.two_sigma for i in trusted):.2f} m"
+            text += " (2 sigma)"
+    return text + "."
+
+
+def _anchor_findings(anchors: Sequence[AnchorJudgement]) -> Iterator[Finding]:
+    usable = sum(item.trust is not Trust.NO for item in anchors)
+    if usable < min(_ANCHORS_FOR_POSITIONING, len(anchors)):
+        yield Finding(
+            f"only {usable} of {len(anchors)} anchors have a place: positioning needs "
+            f"{min(_ANCHORS_FOR_POSITIONING, len(anchors))}",
+            "see below what each of them lacks",
+            grave=True,
+        )
+    for item in anchors:
+        if item.trust is Trust.YES:
+            continue
+        advice = _ADVICE[item.anchor.status] or "a station near it, in line of sight"
+        yield Finding(f"anchor {item.anchor.id}: {'; '.join(item.why)}", advice)
+
+
+def _station_findings(solution: Solution) -> Iterator[Finding]:
+    lost = [station for station in solution.stations if station.status is not Status.OK]
+    if 2 * len(lost) > len(solution.stations):
+        yield Finding(
+            f"{len(lost)} of {len(solution.stations)} stations have no trustworthy place",
+            "stations closer together, each seeing walls that its neighbours see",
+            grave=True,
+        )
+    for status in dict.fromkeys(station.status for station in lost):
+        names = [str(station.id) for station in lost if station.status is status]
+        which = f"station{'s' if len(names) > 1 else ''} {_named(names)}"
+        yield Finding(f"{which}: {MEANING[status]}", _ADVICE[status])
+
+
+def _link_findings(links: Sequence[LinkMeasurement]) -> Iterator[Finding]:
+    """Ranges that were measured between placed ends and yet contradict everything else."""
+    faulty = [k for k in links if k.rejection is not None and k.residual == k.residual]
+    swapped = [k for k in faulty if "swapped" in (k.rejection or "")]
+    for station in dict.fromkeys(link.station for link in swapped):
+        pair = " and ".join(str(link.anchor) for link in swapped if link.station == station)
+        yield Finding(
+            f"at station {station} the ranges of anchors {pair} are swapped: exchanged, both fit",
+            f"check the anchors' identifiers at {station}, or record it again; without its "
+            "wrong ranges the result stands",
+        )
+    wrong = [k for k in faulty if k not in swapped and (k.rejection or "").find(" m too ") >= 0]
+    if wrong:
+        names = [f"{link.station} to {link.anchor} ({link.residual:+.2f} m)" for link in wrong]
+        yield Finding(
+            f"{len(wrong)} range{'s' if len(wrong) > 1 else ''} contradict the rest and are not "
+            f"used: {_named(names)}",
+            "nothing, where an anchor keeps enough other links; else record the station again",
+        )
+
+
+def _solver_findings(solution: Solution) -> Iterator[Finding]:
+    checks = solution.checks
+    # Written so that a gap that is not a number is a finding too.
+    if checks is not None and not checks.isam2_batch_gap <= _CONFIRMED_M:
+        yield Finding(
+            f"two ways to the solution differ by {checks.isam2_batch_gap:.4f} m",
+            "please report the survey: its numbers may be off by as much",
+            grave=not checks.isam2_batch_gap <= 10.0 * _CONFIRMED_M,
+        )
+    for warning in solution.warnings:
+        yield Finding(warning, "")
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_NAMED])
+    return shown if len(names) <= _NAMED else f"{shown} and {len(names) - _NAMED} more"
