@@ -119,7 +119,9 @@ def _delays(
     shares = crossing_fractions(tags[:, :2], ends[:, :2], scene.furniture)
     heights = tags[:, 2:] + shares * (ends[:, 2:] - tags[:, 2:])
     blocked = heights < scene.furniture_heights  # NaN, where nothing is crossed, is not
-    side_delays: FloatArray = radio.furniture_delay * scale * rng.gamma(radio.wall_shape, size=(blocked.shape[1],))
+    side_delays: FloatArray = (
+        radio.furniture_delay * scale * rng.gamma(radio.wall_shape, size=(blocked.shape[1],))
+    )
     # The piece nearest to the tag counts, once, as in a ranging link.
     if blocked.shape[1]:
         nearest = np.argmin(np.where(blocked, shares, np.inf), axis=1)
