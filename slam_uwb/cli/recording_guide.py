@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import click
 import typer
 
 from ..model.errors import CaptureError, SlamUwbError
@@ -72,12 +71,12 @@ def ask_number(
     """A number that `check` (raises SlamUwbError) lets pass; NaN for an empty answer, None for `-` or none.
 
     Raises:
-        click.Abort: the input ended where an answer is needed.
+        typer.Abort: the input ended where an answer is needed.
     """
     while True:
         answer = _ask(question)
         if answer is None and not may_be_empty:
-            raise click.Abort
+            raise typer.Abort
         if answer is None or (answer == "-" and may_be_empty):
             return None
         if not answer and may_be_empty:
