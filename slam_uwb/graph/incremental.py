@@ -58,7 +58,7 @@ def solve_by_passes(
     isam = gtsam.ISAM2(_isam_parameters())
     values = to_values(start, indices, with_offset=len(table.measured) > 0)
     best, best_values, best_cost = start, values, _cost(fixed, ranges, start, values)
-    trust, worse, slots = factors.WEAK_PLACE_SIGMA, True, list[int]()
+    trust, worse, slots, step = factors.WEAK_PLACE_SIGMA, True, list[int](), math.inf
     for passes in range(1, settings.max_passes + 1):
         fed = feed_ranges(ranges, best, best_values, indices, safe=worse)
         fed += _leashes(best, indices, table, trust)
@@ -67,7 +67,10 @@ def solve_by_passes(
         estimate = isam.calculateEstimate()
         present = from_values(estimate, start, indices)
         cost, moved = _cost(fixed, ranges, present, estimate), movement(best, present)
-        worse = cost > best_cost + 1e-12 * (1.0 + abs(best_cost))
+        # Steps that grow where the cost changes by no more than it is rounded by swing about the optimum.
+        gain, rounding = best_cost - cost, 1e-12 * (1.0 + abs(best_cost))
+        worse = gain < -rounding or (gain < rounding and moved >= step)
+        step = moved
         if not worse:
             best, best_values, best_cost = present, estimate, cost
         # On a short leash a small step says nothing.

@@ -35,7 +35,7 @@ MAX_STARTS = 6
 MARGIN = 3.0
 """m searched beyond the outermost stations at least."""
 RING = 0.5 * np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
-"""m, about the best place, from where other sides of walls are tried."""
+"""m, about the best place in the axes of those that see it, from where other sides of walls are tried."""
 HOPELESS = 20.0
 """nats above the best: no label brings such a place back."""
 FAULTY = 0.5
@@ -175,7 +175,7 @@ def refine_places(
     )
     density = model.density(labels, view.sigmas)
     floor = LEAST_CURVATURE / model.sight_sigma**2
-    fit = fit_ranges(view, density, search.prior, starts, floor, coupled=False, still=1e-4)
+    fit = fit_ranges(view, density, search.prior, starts, floor, coupled=False, still=1e-8)
     return fit.places, fit.offsets, fit.costs
 
 
@@ -246,7 +246,8 @@ def _separate_minima(
     places, _, costs = refine_places(places, sightings, height, search)
     # An anchor hangs on a wall; on its other side the labels are others, and so is the minimum.
     near = places[costs < costs.min() + HOPELESS]
-    places = np.vstack([near, places[np.argmin(costs)] + RING])
+    axes, _ = _own_axes(sightings.points)
+    places = np.vstack([near, places[np.argmin(costs)] + RING @ axes.T])
     for _ in range(2):
         places, offsets, costs = refine_places(places, sightings, height, search)
     kept: list[int] = []

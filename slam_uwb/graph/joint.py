@@ -32,8 +32,8 @@ from .verdicts import judge_links
 MAX_ROUNDS = 30
 """Three or four are the rule; more only where a point jumps between two minima."""
 LEARNING_ROUNDS = 2
-"""Then the link model and the choice between minima stand; only labels still follow the places."""
-STILL = 1e-6
+"""Then walls, link model and the choice between minima stand; only labels still follow the places."""
+STILL = 1e-7
 """m. Rounds end where no anchor moves further: its labels are then those of where it is."""
 
 
@@ -76,12 +76,12 @@ def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
     alone = _solve(scene, start, Found({}, {}), model, ())
     scene = _with_honest_matches(scene, alone.optimum)
     last = _solve(scene, alone.optimum.variables, alone.found, model, ())
-    last = replace(last, model=model.at(last.optimum.variables.poses))
     for number in range(MAX_ROUNDS):
         present = last.optimum.variables
         links = usable_links(scene.problem, present.poses, scene.settings)
         model, found = last.model, last.found
         if number <= LEARNING_ROUNDS:
+            model = model.at(present.poses)
             model = learn_links(scene, model, present, found, links)
             if number == LEARNING_ROUNDS and (
                 without := needs_no_offsets(scene, model, present, found)

@@ -17,6 +17,8 @@ from ..model.link_law import LinkDensity
 from ..model.survey import RangeOffset
 
 MAX_ITERATIONS = 40
+ROUNDING = 1e-10
+"""nats. The last steps change the cost by less than it is rounded by, and places still by a micrometre."""
 LEAST_CURVATURE = 0.02
 """Of a link, as a share of that in line of sight (joint study, 7): Newton needs some."""
 
@@ -91,18 +93,18 @@ def fit_ranges(
     common = prior.common.mean if start is None else start.common
     offsets = np.full(len(places), common) if start is None else start.offsets
     state = np.column_stack([places, offsets])
-    cost = _cost
-    costs = cost(view, density, prior, state, common, coupled)
+    costs = _cost(view, density, prior, state, common, coupled)
     damping = np.full(len(places), 1e-4)
     blocks = np.zeros((len(places), 3, 3))
     for _ in range(MAX_ITERATIONS):
         gradient, blocks = _expand(view, density, prior, state, common, coupled, floor)
         step, common_step = _step(gradient, blocks, prior, state, common, coupled, damping)
         trial, trial_common = state + step, common + common_step
-        trial_costs = cost(view, density, prior, trial, trial_common, coupled)
-        better = trial_costs <= costs
+        trial_costs = _cost(view, density, prior, trial, trial_common, coupled)
+        better = trial_costs <= costs + ROUNDING
         if coupled:
-            total = _total(trial_costs, trial_common, prior) <= _total(costs, common, prior)
+            before, after = _total(costs, common, prior), _total(trial_costs, trial_common, prior)
+            total = after <= before + ROUNDING
             better = np.full(len(places), total)
             common = trial_common if total else common
         state = np.where(better[:, None], trial, state)

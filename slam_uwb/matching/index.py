@@ -143,7 +143,8 @@ def _nearest_table(points: Points) -> tuple[NDArray[np.int32], tuple[float, floa
     from scipy.ndimage import distance_transform_edt
 
     reach = np.clip(points, -_TABLE_REACH_M, _TABLE_REACH_M)
-    low = reach.min(axis=0) - _TABLE_MARGIN_M
+    # The outermost point in the middle of its cell: on the edge, rounding would choose the cell.
+    low = reach.min(axis=0) - _TABLE_MARGIN_M - 0.5 * _TABLE_CELL_M
     shape = np.ceil((reach.max(axis=0) + _TABLE_MARGIN_M - low) / _TABLE_CELL_M).astype(int)
     column, row = ((reach - low) / _TABLE_CELL_M).astype(int).T
     owner = np.full((shape[1], shape[0]), -1, dtype=np.int32)

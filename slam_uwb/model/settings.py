@@ -274,7 +274,7 @@ class GraphSettings(_Section):
         description="factor on the covariances of anchors: wrong labels and tails (joint study, 7)",
     )
     max_passes: int = Field(100, ge=1, description="outer passes of re-weighting")
-    tolerance_m: float = Field(1e-6, gt=0.0, description="passes end when nothing moves further")
+    tolerance_m: float = Field(1e-7, gt=0.0, description="passes end when nothing moves further")
 
 
 class MappingSettings(_Section):

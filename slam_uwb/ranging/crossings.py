@@ -23,7 +23,9 @@ WALL_THICKNESS_M = 0.30
 PLACE_SIGMA_M = 0.06
 """Of an anchor's place, for its labels; the study averaged over 0.08 m to either side."""
 
-_REACH = 4.0  # standard deviations beyond which a piece is certainly crossed or not
+_REACH = 5.0  # standard deviations beyond which a piece is certainly crossed or not
+_LEAST_COSINE = 0.1  # between path and a wall's normal: a path along a wall crosses it anywhere
+_LEAST_PROBABILITY = 1e-6  # of a crossing that counts; labels jump by no more
 _CLOSE_M = 2.0  # places within this radius are looked at together
 _CHUNK = 1_000_000  # pairs of path and piece at a time: 100 MB
 
@@ -86,10 +88,12 @@ def near_pairs(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Paths and pieces that may cross if the paths' ends move by up to `reach`, m; no pair is missed."""
     margin = reach + _REACH * PLACE_SIGMA_M
+    # A wall that the path grazes may be met that much further along.
+    around = reach + _REACH * PLACE_SIGMA_M / _LEAST_COSINE
     near = np.ones((len(starts), len(pieces.ends)), dtype=bool)
     for axis in (0, 1):
-        low = np.minimum(starts[:, axis], ends[:, axis]) - margin
-        high = np.maximum(starts[:, axis], ends[:, axis]) + margin
+        low = np.minimum(starts[:, axis], ends[:, axis]) - around
+        high = np.maximum(starts[:, axis], ends[:, axis]) + around
         near &= pieces.ends[..., axis].max(axis=1) >= low[:, None]
         near &= pieces.ends[..., axis].min(axis=1) <= high[:, None]
     path, piece = np.nonzero(near)
@@ -158,10 +162,10 @@ def _crossed(
     lateral = np.einsum("qi,qi->q", start + share[:, None] * (end - start) - first, wall)
     distance = np.maximum(np.linalg.norm(end - start, axis=1), 1e-9)
     cosine = np.abs(from_end - from_start) / distance
-    sigma = PLACE_SIGMA_M * np.maximum(share, 1e-3) / np.maximum(cosine, 0.1)
+    sigma = PLACE_SIGMA_M * np.maximum(share, 1e-3) / np.maximum(cosine, _LEAST_COSINE)
     on_wall = ndtr((length - lateral) / sigma) - ndtr(-lateral / sigma)
     blocked = pieces.probability[piece] * ndtr(beyond / PLACE_SIGMA_M) * on_wall
-    kept = blocked > 1e-4
+    kept = blocked > _LEAST_PROBABILITY
     along = (share * distance)[kept]
     return path[kept], piece[kept], blocked[kept], along, cosine[kept]
 

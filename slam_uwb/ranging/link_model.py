@@ -23,7 +23,6 @@ from .density import MAX_WALLS, ErrorParameters, LinkDensity, error_table
 FindWalls = Callable[[Mapping[StationId, Pose2]], WallPieces]
 """world_T_station -> the walls that the scans show."""
 
-CLEAR_REFLECTED_SHARE = 0.005
 _MAX_DEVIATION = 3.0
 _HIDDEN_SPLIT = np.array([0.0, 0.7, 0.3, 0.0, 0.0])  # walls where the map shows none
 
@@ -132,7 +131,8 @@ class LinkModel:
         p = self.parameters
         errors = ErrorParameters(p.sight_sigma, p.wall_delay)
         if self.clear:
-            errors = replace(errors, reflected_share=CLEAR_REFLECTED_SHARE)
+            # Not even few reflections: they would shift the peak, and exact ranges would not be met.
+            errors = replace(errors, reflected_share=0.0)
         weights = np.minimum(1.0, (self.link_sigma / sigmas) ** 2)
         return LinkDensity(error_table(errors), self._believed(labels), weights)
 
@@ -185,6 +185,7 @@ def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkMode
         np.asarray(start, dtype=np.float64),
         method="L-BFGS-B",
         bounds=[(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names),
-        options={"maxiter": 20, "eps": 1e-4, "ftol": 1e-9},
+        # Closely: what follows from the parameters must not show where the search began.
+        options={"maxiter": 30, "eps": 1e-4, "ftol": 1e-12, "gtol": 1e-4},
     )
     return changed(np.asarray(found.x)), float(found.fun)

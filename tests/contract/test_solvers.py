@@ -187,8 +187,7 @@ def test_the_order_of_the_survey_changes_nothing(scene, solve, site):
     assert statuses(estimate) == statuses(other)
     assert places(estimate).keys() == places(other).keys()
     for name, place in places(estimate).items():
-        # The joint solver's passes end at a micrometre, and labels follow places to one.
-        np.testing.assert_allclose(places(other)[name], place, atol=1e-5, err_msg=name)
+        np.testing.assert_allclose(places(other)[name], place, atol=1e-6, err_msg=name)
 
 
 def test_moving_the_site_moves_the_solution(scene, solve):
