@@ -33,6 +33,9 @@ class Optimum:
     passes: int
     cost: float
     """Negative log likelihood: half the squared whitened residuals, the density's for the ranges."""
+    fixed: gtsam.NonlinearFactorGraph
+    """Matches and priors."""
+    ranges: WeighedRanges
 
 
 def solve_by_passes(
@@ -226,19 +229,8 @@ def _finish(
     for leash in _leashes(best, indices, table, factors.WEAK_PLACE_SIGMA):
         graph.push_back(leash)
     values = to_values(best, indices, with_offset=len(table.measured) > 0)
-    return Optimum(best, graph, values, passes, _cost(fixed, ranges, best, values))
-
-
-def batch_gap(optimum: Optimum, indices: Indices) -> float:
-    """m, how far batch Levenberg-Marquardt on the same graph ends from the optimum."""
-    parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setRelativeErrorTol(1e-12)
-    parameters.setAbsoluteErrorTol(1e-12)
-    batch = gtsam.LevenbergMarquardtOptimizer(optimum.graph, optimum.values, parameters).optimize()
-    other = from_values(batch, optimum.variables, indices)
-    gaps = [pose.distance_to(other.poses[n]) for n, pose in optimum.variables.poses.items()]
-    gaps += [math.dist(p, other.anchors[n]) for n, p in optimum.variables.anchors.items()]
-    return max(gaps, default=0.0)
+    cost = _cost(fixed, ranges, best, values)
+    return Optimum(best, graph, values, passes, cost, fixed, ranges)
 
 
 def dense_covariance(optimum: Optimum, keys: list[int]) -> FloatArray:

@@ -16,12 +16,13 @@ from ..model.geometry import Pose2
 from ..model.link_law import LinkModel
 from ..model.products import GraphProblem, LinkMeasurement
 from ..model.settings import GraphSettings
-from ..model.solution import Bias, GraphEstimate, SolverChecks, Status
+from ..model.solution import Bias, GraphEstimate, Status
 from . import factors
+from .cross_check import check_optimum
 from .estimate import Solved, build_estimate, joint_order
 from .find import Found, Scene, find_points
 from .frame import Start, choose_start, tie_to_site
-from .incremental import Optimum, batch_gap, dense_covariance, solve_by_passes
+from .incremental import Optimum, dense_covariance, solve_by_passes
 from .learn import learn_links, needs_no_offsets
 from .ranges import build_range_table, usable_links, weigh_ranges
 from .settling import Labels, next_labels
@@ -247,7 +248,7 @@ def _deliver(scene: Scene, last: Round) -> Solved:
         stations=found.stations,
         levers=scene.levers,
         biases=biases,
-        checks=SolverChecks(batch_gap(optimum, indices), optimum.passes, optimum.cost),
+        checks=check_optimum(optimum, indices, scene.settings),
         verdicts=judge_links(
             scene,
             last.model,

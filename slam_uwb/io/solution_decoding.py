@@ -189,6 +189,7 @@ def _bias(item: doc.BiasDocument) -> Bias:
 def _checks(item: doc.ChecksDocument) -> SolverChecks:
     return SolverChecks(
         isam2_batch_gap=_float(item.isam2_batch_gap_m),
+        other_starts_gap=_float(item.other_starts_gap_m),
         iterations=item.iterations,
         cost=_float(item.cost),
     )

@@ -114,6 +114,7 @@ class ChecksDocument(_Document):
     """How far the solver's answer was confirmed by another way to it."""
 
     isam2_batch_gap_m: Real
+    other_starts_gap_m: Real
     iterations: int
     cost: Real
 

@@ -173,6 +173,7 @@ def _bias(item: Bias) -> doc.BiasDocument:
 def _checks(item: SolverChecks) -> doc.ChecksDocument:
     return doc.ChecksDocument(
         isam2_batch_gap_m=real(item.isam2_batch_gap),
+        other_starts_gap_m=real(item.other_starts_gap),
         iterations=item.iterations,
         cost=real(item.cost),
     )

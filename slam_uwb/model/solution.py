@@ -105,6 +105,8 @@ class SolverChecks:
 
     isam2_batch_gap: float
     """m, largest distance of a station or anchor between iSAM2 and batch Levenberg-Marquardt."""
+    other_starts_gap: float
+    """m, the same to the best optimum that other starts of the anchors lead to; 0 where none is better."""
     iterations: int
     """Outer passes until nothing moved."""
     cost: float

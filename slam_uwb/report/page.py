@@ -104,6 +104,13 @@ def solver_facts(solution: Solution) -> Iterator[tuple[str, str]]:
     if solution.checks is not None:
         gap = f"{1000.0 * solution.checks.isam2_batch_gap:.4f} mm apart at most"
         yield "iSAM2 and batch Levenberg-Marquardt", gap
+        other = solution.checks.other_starts_gap
+        yield (
+            "from other starts of the anchors",
+            f"a better optimum {1000.0 * other:.1f} mm away"
+            if other > 0.0
+            else "no better optimum",
+        )
         yield "passes", str(solution.checks.iterations)
         yield "cost", f"{solution.checks.cost:.2f} (half the sum of squared whitened residuals)"
     used = sum(link.rejection is None for link in solution.links)

@@ -132,13 +132,15 @@ def _link_findings(links: Sequence[LinkMeasurement]) -> Iterator[Finding]:
 
 def _solver_findings(solution: Solution) -> Iterator[Finding]:
     checks = solution.checks
-    # Written so that a gap that is not a number is a finding too.
-    if checks is not None and not checks.isam2_batch_gap <= _CONFIRMED_M:
-        yield Finding(
-            f"two ways to the solution differ by {checks.isam2_batch_gap:.4f} m",
-            "please report the survey: its numbers may be off by as much",
-            grave=not checks.isam2_batch_gap <= 10.0 * _CONFIRMED_M,
-        )
+    gaps = () if checks is None else (checks.isam2_batch_gap, checks.other_starts_gap)
+    for gap in gaps:
+        # Written so that a gap that is not a number is a finding too.
+        if not gap <= _CONFIRMED_M:
+            yield Finding(
+                f"two ways to the solution differ by {gap:.4f} m",
+                "please report the survey: its numbers may be off by as much",
+                grave=not gap <= 10.0 * _CONFIRMED_M,
+            )
     for warning in solution.warnings:
         yield Finding(warning, "")
 

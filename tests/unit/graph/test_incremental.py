@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from slam_uwb.graph import factors
-from slam_uwb.graph.incremental import batch_gap, dense_covariance, solve_by_passes
+from slam_uwb.graph.cross_check import batch_gap
+from slam_uwb.graph.incremental import dense_covariance, solve_by_passes
 from slam_uwb.graph.ranges import Levers, build_range_table, weigh_ranges
 from slam_uwb.graph.variables import Indices, Variables
 from slam_uwb.model.errors import SolverError

@@ -99,7 +99,7 @@ def solution():
         biases=(Bias("offset", 0.15, 0.02, 0.18, 0.1),),
         joint_names=("s02", "A1"),
         joint_covariance=np.arange(25.0).reshape(5, 5) / 7.0,
-        checks=SolverChecks(1e-5, 3, 12.3),
+        checks=SolverChecks(1e-5, 2e-4, 3, 12.3),
         floor_map=FloorMap(occupancy, 0.05, (-1.25, 2.5)),
         scans={"s01": Scan(np.array([0.1, 0.2]), np.array([1.0 / 3.0, np.nan]), 40.0)},
         tag_offset=(0.1, -0.2),

@@ -58,7 +58,7 @@ BASE = Solution(
     survey_name="room", checksum="ab12", mode="joint", settings=Settings(), software_version="1.2.3",
     frame="s1", stations=STATIONS, anchors=ANCHORS, matches=MATCHES, links=LINKS,
     biases=(Bias("range offset", 0.19, 0.02, 0.18, 0.1),), joint_names=(), joint_covariance=None,
-    checks=SolverChecks(1e-6, 4, 12.5), floor_map=FloorMap(OCCUPANCY, 0.5, (-0.5, -1.0)), scans={},
+    checks=SolverChecks(1e-6, 0.0, 4, 12.5), floor_map=FloorMap(OCCUPANCY, 0.5, (-0.5, -1.0)), scans={},
 )  # fmt: skip
 
 

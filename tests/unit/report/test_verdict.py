@@ -121,7 +121,8 @@ def test_lost_stations_are_named_and_most_of_them_lost_is_measured_again(make_so
     ("gap", "level"), [(0.0009, Level.GOOD), (0.002, Level.USABLE), (0.02, Level.AGAIN), (math.nan, Level.AGAIN)]
 )  # fmt: skip
 def test_a_solution_that_is_not_confirmed_is_not_good(make_solution, gap, level):
-    assert judge(make_solution(checks=SolverChecks(gap, 3, 1.0))).level is level
+    for checks in (SolverChecks(gap, 0.0, 3, 1.0), SolverChecks(0.0, gap, 3, 1.0)):
+        assert judge(make_solution(checks=checks)).level is level
 
 
 def test_warnings_of_the_solver_are_findings(make_solution):
