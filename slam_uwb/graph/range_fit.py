@@ -95,10 +95,10 @@ def fit_ranges(
     state = np.column_stack([places, offsets])
     costs = _cost(view, density, prior, state, common, coupled)
     damping = np.full(len(places), 1e-4)
-    blocks = np.zeros((len(places), 3, 3))
     for _ in range(MAX_ITERATIONS):
-        gradient, blocks = _expand(view, density, prior, state, common, coupled, floor)
-        step, common_step = _step(gradient, blocks, prior, state, common, coupled, damping)
+        gradient, blocks, exact = _expand(view, density, prior, state, common, coupled, floor)
+        newton = _newton_blocks(exact, blocks, _own_variance(prior, coupled))
+        step, common_step = _step(gradient, newton, prior, state, common, coupled, damping)
         trial, trial_common = state + step, common + common_step
         trial_costs = _cost(view, density, prior, trial, trial_common, coupled)
         better = trial_costs <= costs + ROUNDING
@@ -112,7 +112,7 @@ def fit_ranges(
         damping = np.clip(np.where(better, damping * 0.1, damping * 10.0), 1e-12, 1e9)
         if np.abs(step).max() < still:
             break
-    _, blocks = _expand(view, density, prior, state, common, coupled, floor)
+    _, blocks, _ = _expand(view, density, prior, state, common, coupled, floor)
     return RangeFit(state[:, :2], state[:, 2], common, costs, blocks)
 
 
@@ -151,20 +151,38 @@ def _total(costs: FloatArray, common: float, prior: OffsetPrior) -> float:
 def _expand(
     view: RangeView, density: LinkDensity, prior: OffsetPrior, state: FloatArray, common: float,
     coupled: bool, floor: float,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """(A, 3) gradient and (A, 3, 3) Hessian by place and offset."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """(A, 3) gradient by place and offset and (A, 3, 3) Hessians: with the least curvature, and as it is."""
     residuals, directions = view.residuals(state[:, :2], state[:, 2])
     _, slope, curvature = density.expand(residuals)
     jacobian = np.concatenate([directions, np.ones((*residuals.shape, 1))], axis=2)
-    curvature = np.maximum(curvature, floor * density.weights)
-    blocks = np.einsum("an,ani,anj->aij", curvature, jacobian, jacobian)
     gradient = -np.einsum("an,ani->ai", slope, jacobian)
     variance = _own_variance(prior, coupled)
-    blocks[:, 2, 2] += 1.0 / variance
     gradient[:, 2] += (state[:, 2] - common) / variance
-    # A place straight below all that see it: 10 m instead of singular.
-    blocks[:, [0, 1], [0, 1]] += 1e-2
-    return gradient, blocks
+    floored = np.maximum(curvature, floor * density.weights)
+    blocks = np.swapaxes(jacobian, 1, 2) @ (floored[..., None] * jacobian)
+    exact = np.swapaxes(jacobian, 1, 2) @ (curvature[..., None] * jacobian)
+    # A range bends as well: its second derivative is (1 - d d^T) by its length.
+    slant = view.distances - state[:, 2:] - residuals
+    bend = slope / np.maximum(slant, 1e-9)
+    exact[:, :2, :2] += np.swapaxes(directions, 1, 2) @ (bend[..., None] * directions)
+    exact[:, [0, 1], [0, 1]] -= bend.sum(axis=1)[:, None]
+    for hessian in (blocks, exact):
+        hessian[:, 2, 2] += 1.0 / variance
+        # A place straight below all that see it: 10 m instead of singular.
+        hessian[:, [0, 1], [0, 1]] += 1e-2
+    return gradient, blocks, exact
+
+
+def _newton_blocks(exact: FloatArray, blocks: FloatArray, own_variance: float) -> FloatArray:
+    """The exact Hessians (A, 3, 3) where the ranges alone hold a point, else those with the least curvature.
+
+    Exact ones end in four steps where the others take thirty.
+    """
+    ranges = exact.copy()
+    ranges[:, 2, 2] -= 1.0 / own_variance
+    held = np.linalg.eigvalsh(ranges)[:, 0] > 0.0
+    return np.asarray(np.where(held[:, None, None], exact, blocks))
 
 
 def _step(
