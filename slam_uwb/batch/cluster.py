@@ -54,7 +54,7 @@ def run_on_cluster(
         futures = client.map(_alone, [function] * len(tasks), tasks, pure=False)
         index = {future.key: number for number, future in enumerate(futures)}
         try:
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=client.loop):
                 yield _outcome(index[future.key], future)
         finally:
             client.cancel(futures)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .interruption import Interrupted
 from .options import JsonOption, VerboseOption
 from .progress import rate_bar
 from .solve import Mode, Pairs, choose_settings
@@ -85,7 +86,6 @@ def batch(
 
     tasks = find_surveys(folders, out, chosen)
     _refuse_targets(tasks, out)
-    out.mkdir(parents=True, exist_ok=True)
     rows = _solve(tasks, out, workers or _processors(), scheduler)
     _print(rows, out, as_json=as_json)
     if any(row.exit_status != 0 for row in rows):
@@ -104,9 +104,9 @@ def _refuse_targets(tasks: list[SurveyTask], out: Path) -> None:
 def _solve(
     tasks: list[SurveyTask], out: Path, workers: int, scheduler: str | None
 ) -> list[SurveyRow]:
-    """The row of every survey; summary.csv is written however it ends."""
+    """The row of every survey; summary.csv is written after an interruption too."""
     from ..batch.solving import solve_surveys
-    from ..batch.summary import SurveyRow, summary_csv
+    from ..batch.summary import SurveyRow
 
     rows = [SurveyRow(task.name, None, reason="interrupted before it was solved") for task in tasks]
     try:
@@ -117,9 +117,18 @@ def _solve(
             for index, one in solved:
                 rows[index] = one.row
                 advance(f"{one.row.survey}{': there already' if one.resumed else ''}")
-    finally:
-        replace_file(out / SUMMARY, summary_csv(rows))
+    except Interrupted:
+        _write(rows, out)
+        raise
+    _write(rows, out)
     return rows
+
+
+def _write(rows: list[SurveyRow], out: Path) -> None:
+    from ..batch.summary import summary_csv
+
+    out.mkdir(parents=True, exist_ok=True)
+    replace_file(out / SUMMARY, summary_csv(rows))
 
 
 def _print(rows: list[SurveyRow], out: Path, *, as_json: bool) -> None:
