@@ -6,6 +6,7 @@ worker ends is given to another one.
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, TypeVar
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-PATIENCE_S = 20.0
+PATIENCE_S = 10.0
 """For the scheduler's answer, and for the first worker."""
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -30,6 +31,12 @@ class ClusterError(SlamUwbError):
 
     def __init__(self, address: str, problem: str) -> None:
         super().__init__(f"--scheduler {address}: {problem}")
+
+
+class ClusterLostError(ClusterError):
+    """The scheduler went away."""
+
+    exit_status = 1
 
 
 def run_on_cluster(
@@ -46,6 +53,7 @@ def run_on_cluster(
     Raises:
         MissingLibraryError: `distributed` is not installed.
         ClusterError: no scheduler or no worker answers.
+        ClusterLostError: the scheduler went away while there was work.
     """
     client = _connect(address)
     try:
@@ -55,6 +63,10 @@ def run_on_cluster(
         index = {future.key: number for number, future in enumerate(futures)}
         try:
             for future in as_completed(futures, loop=client.loop):
+                if future.cancelled():
+                    raise ClusterLostError(
+                        address, "the scheduler went away: run it again to go on"
+                    )
                 yield _outcome(index[future.key], future)
         finally:
             client.cancel(futures)
@@ -70,6 +82,8 @@ def _connect(address: str) -> Client:
             "--scheduler needs dask.distributed: pip install 'slam-uwb[batch]'"
         ) from error
     try:
+        # First without a client: one that never connected complains again when it is dropped.
+        asyncio.run(_reach(address))
         client = Client(address, timeout=PATIENCE_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(address, f"no Dask scheduler answers there ({error})") from error
@@ -79,6 +93,15 @@ def _connect(address: str) -> Client:
         client.close()
         raise ClusterError(address, "the cluster has no workers") from error
     return client
+
+
+async def _reach(address: str) -> None:
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    security = Security().get_connection_args("client")
+    comm = await connect(address, timeout=PATIENCE_S, **security)
+    comm.abort()
 
 
 def _alone(function: Callable[[Task], Result], task: Task) -> Result:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .interruption import Interrupted
 from .options import JsonOption, VerboseOption
 from .progress import rate_bar
 from .solve import Mode, Pairs, choose_settings
@@ -104,7 +103,7 @@ def _refuse_targets(tasks: list[SurveyTask], out: Path) -> None:
 def _solve(
     tasks: list[SurveyTask], out: Path, workers: int, scheduler: str | None
 ) -> list[SurveyRow]:
-    """The row of every survey; summary.csv is written after an interruption too."""
+    """The row of every survey; summary.csv is written where an interruption leaves some, too."""
     from ..batch.solving import solve_surveys
     from ..batch.summary import SurveyRow
 
@@ -117,8 +116,9 @@ def _solve(
             for index, one in solved:
                 rows[index] = one.row
                 advance(f"{one.row.survey}{': there already' if one.resumed else ''}")
-    except Interrupted:
-        _write(rows, out)
+    except BaseException:
+        if any(row.exit_status is not None for row in rows):
+            _write(rows, out)
         raise
     _write(rows, out)
     return rows

@@ -1,6 +1,5 @@
 """``slam-uwb batch``: rows, resuming, failures, interruption, and a real Dask cluster on loopback."""
 
-import contextlib
 import csv
 import json
 import os
@@ -15,29 +14,17 @@ import pytest
 
 from slam_uwb.io import read_survey, write_survey
 
-COUNT = 6
+COUNT = 8
 
 
 @pytest.fixture(scope="module")
-def small_survey(pristine_survey):
-    """Four stations of the flat: a second's work."""
-    survey = read_survey(pristine_survey)
-    stations = survey.stations[:4]
-    names = {station.id for station in stations}
-    ranges = tuple(link for link in survey.ranges if link.station in names)
-    sequence = tuple(pair for pair in survey.sequence if names.issuperset(pair))
-    return replace(survey, stations=stations, ranges=ranges, sequence=sequence)
-
-
-@pytest.fixture(scope="module")
-def pristine_surveys(small_survey, tmp_path_factory):
-    """Surveys that differ in what they heard, a broken one among them; not to be changed."""
+def pristine_surveys(pristine_survey, tmp_path_factory):
+    """Three stations each, without ranges: half a second's work; and a broken one. Not to be changed."""
     folder = tmp_path_factory.mktemp("batch") / "surveys"
+    survey = read_survey(pristine_survey)
+    small = replace(survey, stations=survey.stations[:3], anchors=(), ranges=(), sequence=None)
     for k in range(COUNT):
-        ranges = tuple(
-            replace(link, distances=link.distances[: 20 - k]) for link in small_survey.ranges
-        )
-        write_survey(replace(small_survey, name=f"n{k}", ranges=ranges), folder / f"site/n{k}")
+        write_survey(replace(small, name=f"n{k}"), folder / f"site/n{k}")
     broken = folder / "broken"
     broken.mkdir()
     (broken / "survey.toml").write_text("format = 1\nstations = 3\n")
@@ -72,7 +59,7 @@ def written(out):
 
 
 def hidden(folder):
-    return [path for path in folder.rglob(".*")]
+    return list(folder.rglob(".*"))
 
 
 def test_every_survey_has_its_row_and_its_solution(pristine_batch):
@@ -83,7 +70,7 @@ def test_every_survey_has_its_row_and_its_solution(pristine_batch):
         name: "2" if name == "broken" else "0" for name in found
     }
     assert found["broken"]["reason"].startswith("survey.toml")
-    assert found["site/n0"]["stations"] == "4"
+    assert found["site/n0"]["stations"] == "3"
     solution = json.loads((out / "site/n0/solution.json").read_text())
     assert found["site/n0"]["checksum"] == solution["checksum"]
     assert (out / "site/n0/report.html").is_file()
@@ -145,7 +132,7 @@ def test_only_what_changed_is_solved_again(run, surveys, tmp_path):
 def test_a_survey_that_no_longer_solves_says_that_the_old_solution_is_old(run, surveys, tmp_path):
     out = tmp_path / "out"
     run("batch", surveys / "site/n0", "--out", out)
-    (surveys / "site/n0/ranges.csv").write_text("nonsense\n")
+    next((surveys / "site/n0/scans").iterdir()).unlink()
     done = run("batch", surveys / "site/n0", "--out", out)
     assert done.returncode == 1
     assert rows(out)["n0"]["exit_status"] == "2"
@@ -177,11 +164,9 @@ def test_what_would_destroy_something_is_refused_before_any_work(run, surveys, t
 
 
 def ended(pid):
-    with contextlib.suppress(FileNotFoundError):
-        # A process whose parent is gone may wait for long to be reaped.
-        with open(f"/proc/{pid}/stat") as stat:
-            return stat.read().rpartition(")")[2].split()[0] == "Z"
-    return True
+    """Gone, or waiting to be reaped, which may take long where the parent is gone."""
+    state = subprocess.run(["ps", "-o", "state=", "-p", str(pid)], capture_output=True, text=True)
+    return state.stdout.strip() in ("", "Z")
 
 
 def children(pid):
@@ -248,8 +233,7 @@ def cluster(tmp_path):
             assert time.monotonic() < deadline, "the scheduler did not start"
             time.sleep(0.1)
         scratch = ("--local-directory", str(tmp_path / "scratch"))
-        for _ in range(2):
-            processes.append(start("worker", "--nthreads", "1", "--no-nanny", *scratch))
+        processes += [start("worker", "--nthreads", "1", "--no-nanny", *scratch) for _ in "ab"]
         yield json.loads(file.read_text())["address"], processes
     finally:
         for process in processes:
@@ -281,9 +265,30 @@ def test_on_a_cluster_that_loses_a_worker_every_survey_is_solved_once(
     assert contents(out) == contents(pristine_batch[0])
 
 
+def test_a_cluster_that_goes_away_leaves_whole_surveys(
+    program, cluster, pristine_surveys, tmp_path
+):
+    address, (scheduler, *_) = cluster
+    out = tmp_path / "out"
+    command = [program, "-v", "batch", str(pristine_surveys), "--out", str(out)]
+    with subprocess.Popen(
+        [*command, "--scheduler", address], stderr=subprocess.PIPE, text=True
+    ) as process:
+        lines = iter(process.stderr.readline, "")
+        assert any("surveys: 3 of" in line for line in lines)
+        scheduler.kill()
+        _, stderr = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "the scheduler went away" in stderr.splitlines()[-1]
+    assert any(row["exit_status"] == "0" for row in rows(out).values())
+    assert any(row["reason"].startswith("interrupted") for row in rows(out).values())
+
+
 def test_a_cluster_that_is_not_there(run, surveys, tmp_path):
     pytest.importorskip("distributed")
-    done = run("batch", surveys, "--out", tmp_path / "out", "--scheduler", "bogus://127.0.0.1:1")
-    assert done.returncode == 2
-    assert "bogus://127.0.0.1:1" in done.stderr
+    for address in ("bogus://127.0.0.1:1", "nowhere"):
+        done = run("batch", surveys, "--out", tmp_path / "out", "--scheduler", address)
+        assert done.returncode == 2
+        assert len(done.stderr.splitlines()) == 1
+        assert f"--scheduler {address}" in done.stderr
     assert not (tmp_path / "out").exists()

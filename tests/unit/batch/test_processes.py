@@ -38,7 +38,7 @@ def test_a_failing_task_stops_no_other():
     outcomes = sorted(run_tasks(math.sqrt, [1.0, -1.0, 4.0], 1), key=lambda o: o.index)
     assert [o.result for o in outcomes] == [1.0, None, 2.0]
     assert isinstance(outcomes[1].error, ValueError)
-    with pytest.raises(ValueError, match="math domain|nonnegative"):
+    with pytest.raises(ValueError, match=r"math domain|nonnegative"):
         map_tasks(math.sqrt, [-1.0], 1)
 
 
