@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import replace
 
+import psutil
 import pytest
 
 from slam_uwb.io import read_survey, write_survey
@@ -163,16 +164,12 @@ def test_what_would_destroy_something_is_refused_before_any_work(run, surveys, t
     assert not (tmp_path / "new").exists()
 
 
-def ended(pid):
+def ended(process):
     """Gone, or waiting to be reaped, which may take long where the parent is gone."""
-    state = subprocess.run(["ps", "-o", "state=", "-p", str(pid)], capture_output=True, text=True)
-    return state.stdout.strip() in ("", "Z")
-
-
-def children(pid):
-    listed = subprocess.run(["ps", "-eo", "pid,ppid"], capture_output=True, text=True, check=True)
-    pairs = [line.split() for line in listed.stdout.splitlines()[1:]]
-    return [int(child) for child, parent in pairs if int(parent) == pid]
+    try:
+        return process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
 
 
 def listen():
@@ -190,7 +187,7 @@ def test_an_interrupted_batch_has_whole_surveys_and_goes_on(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=listen
     ) as process:
         assert any("surveys: 2 of" in line for line in process.stderr)
-        workers = children(process.pid)
+        workers = psutil.Process(process.pid).children()
         assert len(workers) >= 2
         process.send_signal(number)
         _, stderr = process.communicate(timeout=60)
