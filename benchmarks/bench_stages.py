@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cProfile
+import gzip
 import io
 import pstats
 import sys
@@ -53,7 +54,9 @@ def bench_numpy_reads_the_same_bytes(benchmark: Any, site: Site, size: int) -> N
     def read() -> None:
         for path in (site.folder / "scans").iterdir():
             # Empty is no return; loadtxt knows numbers only.
-            data = path.read_bytes().replace(b",\n", b",nan\n")
+            raw = path.read_bytes()
+            text = gzip.decompress(raw) if path.suffix == ".gz" else raw
+            data = text.replace(b",\n", b",nan\n")
             np.loadtxt(io.BytesIO(data), delimiter=",", skiprows=1)
 
     benchmark.pedantic(read, rounds=rounds(size))
