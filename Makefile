@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 MADE := $(if $(PYTHON),$(VENV)/made-with-$(subst /,_,$(PYTHON)),$(firstword $(wildcard $(VENV)/made-with-*) $(VENV)/made-with-any))
 
 .DELETE_ON_ERROR:
-.PHONY: help reproduce demo test check clean
+.PHONY: help reproduce demo test bench check clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## /\1|/p' $(firstword $(MAKEFILE_LIST)) | awk -F'|' '{ printf "  make %-9s %s\n", $$1, $$2 }'
@@ -21,6 +21,11 @@ reproduce: $(VENV)/installed-positioning ## the paper's tables and figures, unde
 
 test: $(VENV)/installed-dev ## the whole suite, on all cores; ARGS="-k evaluate" for a part
 	$(BIN)/python -m pytest -n auto $(ARGS)
+
+bench: $(VENV)/installed-dev ## time and memory of every stage, written to docs/performance.md; ARGS="--sizes 18"
+	@mkdir -p results
+	$(BIN)/python -m pytest -c benchmarks/pytest.ini benchmarks --benchmark-json=results/benchmark.json $(ARGS)
+	$(BIN)/python benchmarks/page.py results/benchmark.json docs/performance.md
 
 check: $(VENV)/installed-dev ## format, lint, types, layers
 	$(BIN)/ruff format --check .

@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from slam_uwb import Pose2, Settings, Survey, read_reference, read_survey, simulate_survey
+from slam_uwb.batch import map_tasks
 from slam_uwb.graph import adjust_placement
 from slam_uwb.matching import REFINERS, index_scans
 from slam_uwb.matching.covariance import match_covariance
@@ -82,8 +83,10 @@ def view(
     return index_scan(prepare_scan("s", scan, SETTINGS.scan), SETTINGS.matching)
 
 
-def drawn_rows(kind: str, samples: int, noise: float, runs: int) -> Iterator[Row]:
-    """Matches from starts up to 0.1 m and 3 degrees off."""
+def drawn_rows(task: tuple[str, int, float, int]) -> list[Row]:
+    """Matches from starts up to 0.1 m and 3 degrees off: kind of place, samples, noise in m, how many."""
+    kind, samples, noise, runs = task
+    rows = []
     for seed in range(runs):
         rng = np.random.default_rng([seed, samples, round(1000 * noise)])
         walls, (a, b) = draw_place(kind, rng)
@@ -94,7 +97,8 @@ def drawn_rows(kind: str, samples: int, noise: float, runs: int) -> Iterator[Row
         poses = refine(target, source, start.vector[None], SETTINGS.matching).poses
         pose = Pose2.from_vector(poses[0])
         covariance, degenerate = match_covariance(target, source, pose, SETTINGS.matching)
-        yield Row((truth.inverse() @ pose).vector, covariance, degenerate)
+        rows.append(Row((truth.inverse() @ pose).vector, covariance, degenerate))
+    return rows
 
 
 def survey_rows(survey: Survey, reference: Reference, sigma: FloatArray) -> tuple[list[Row], float]:
@@ -149,7 +153,13 @@ def line(name: str, rows: Sequence[Row], loops: Sequence[float]) -> str:
     )
 
 
-def asked_for(argument: str) -> tuple[str, list[Row], list[float]]:
+def simulated_rows(task: tuple[str, int]) -> tuple[list[Row], float]:
+    """As `survey_rows`, of a scene and a seed."""
+    made = simulate_survey(*task)
+    return survey_rows(made.survey, made.reference, np.zeros(3))
+
+
+def asked_for(argument: str, workers: int) -> tuple[str, list[Row], list[float]]:
     """Name, matches and disagreements of one argument."""
     if "=" in argument:
         name, folder = argument.split("=", 1)
@@ -157,8 +167,8 @@ def asked_for(argument: str) -> tuple[str, list[Row], list[float]]:
         rows, loops = survey_rows(read_survey(Path(folder)), reference, REFERENCE_SIGMA)
         return name, rows, [loops]
     scene, first, last = argument.split(":")
-    simulations = [simulate_survey(scene, seed) for seed in range(int(first), int(last))]
-    found = [survey_rows(s.survey, s.reference, np.zeros(3)) for s in simulations]
+    tasks = [(scene, seed) for seed in range(int(first), int(last))]
+    found = map_tasks(simulated_rows, tasks, workers)
     return argument, [row for rows, _ in found for row in rows], [loops for _, loops in found]
 
 
@@ -167,17 +177,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surveys", nargs="*", help="SCENE:first:last or NAME=FOLDER")
     parser.add_argument("--runs", type=int, default=100, help="matches a line of the drawn places")
+    parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     begin = time.perf_counter()
     print(
         "| | matches | NEES mean | median | p95 | degenerate | sigma, mm | sigma, deg | loops |\n"
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
     )
-    for kind, samples, noise in product(("room", "end wall", "corridor"), (360, 720), (0.01, 0.02)):
-        rows = list(drawn_rows(kind, samples, noise, arguments.runs))
+    tasks = list(
+        product(("room", "end wall", "corridor"), (360, 720), (0.01, 0.02), [arguments.runs])
+    )
+    drawn = map_tasks(drawn_rows, tasks, arguments.workers)
+    for (kind, samples, noise, _), rows in zip(tasks, drawn, strict=True):
         print(line(f"{kind}, {samples} points, {100 * noise:.0f} cm", rows, []), flush=True)
     for argument in arguments.surveys:
-        print(line(*asked_for(argument)), flush=True)
+        print(line(*asked_for(argument, arguments.workers)), flush=True)
     print(f"\n{time.perf_counter() - begin:.0f} s")
 
 

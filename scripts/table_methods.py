@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from statistics import median
 
@@ -25,6 +24,7 @@ from slam_uwb import (
     simulate_survey,
     solve_survey,
 )
+from slam_uwb.batch import map_tasks
 from slam_uwb.simulate import Lidar, Simulation
 
 PAPER = PRESETS["paper"]
@@ -132,8 +132,7 @@ def main() -> None:
         for m in METHODS
         for seed in range(first, last)
     ]
-    with ProcessPoolExecutor(arguments.workers) as pool:
-        outcomes = list(pool.map(solve_one, tasks))
+    outcomes = map_tasks(solve_one, tasks, arguments.workers)
     print(f"{arguments.scene}, seeds {first} to {last - 1}, {arguments.duration_s:g} s a recording")
     print("(the paper reports an anchor RMSE of 0.34 m from one real office)\n")
     print("| " + " | ".join(COLUMNS) + " |")

@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import slam_uwb
+from slam_uwb.batch import run_tasks
 from slam_uwb.evaluate import Interval, bootstrap_interval
 
 
@@ -66,14 +67,16 @@ class Run:
         done = _read(store)
         keys = [json.dumps(task) for task in tasks]
         missing = [key for key in keys if key not in done]
-        with ProcessPoolExecutor(self.workers) as pool, store.open("a") as stream:
-            waiting = {pool.submit(function, json.loads(key)): key for key in missing}
-            for future in as_completed(waiting):
-                key = waiting[future]
-                done[key] = _plain(future.result())
+        outcomes = run_tasks(function, [json.loads(key) for key in missing], self.workers)
+        with closing(outcomes), store.open("a") as stream:
+            for count, outcome in enumerate(outcomes, start=1 + len(keys) - len(missing)):
+                if outcome.error is not None:
+                    raise outcome.error
+                key = missing[outcome.index]
+                done[key] = _plain(outcome.result)
                 stream.write(json.dumps({"task": key, "result": done[key]}) + "\n")
                 stream.flush()
-                self.progress(name, len(keys) - len(missing) + _count(waiting), len(keys))
+                self.progress(name, count, len(keys))
         return [done[key] for key in keys]
 
     def progress(self, what: str, done: int, total: int) -> None:
@@ -135,7 +138,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value
-
-
-def _count(waiting: dict[Any, str]) -> int:
-    return sum(future.done() for future in waiting)

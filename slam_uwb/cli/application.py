@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from .batch import batch
 from .check import check
 from .compare import compare
 from .emulate import emulate
@@ -48,6 +49,7 @@ for command in (
     solve,
     evaluate,
     compare,
+    batch,
     position,
     check,
     simulate,

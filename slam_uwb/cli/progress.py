@@ -59,3 +59,32 @@ def _bars() -> Iterator[Progress]:
         yield report
     finally:
         bars.stop()
+
+
+@contextmanager
+def rate_bar(noun: str, total: int) -> Iterator[Callable[[str], None]]:
+    """Yield what is called with the name of each of `total` things when it is done.
+
+    One bar with how many a minute and the time left; log lines with ``--verbose``; silent where
+    stderr is no terminal.
+    """
+    if _log.isEnabledFor(logging.DEBUG) or not sys.stderr.isatty():
+        numbers = iter(range(1, total + 1))
+        yield lambda what: _log.debug("%s: %d of %d: %s", noun, next(numbers), total, what)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    rate = TextColumn("{task.fields[rate]}")
+    with Bars(*columns, rate, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+        task = bar.add_task(noun, total=total, rate="")
+        start = time.monotonic()
+
+        def advance(_what: str) -> None:
+            bar.advance(task)
+            a_minute = 60.0 * bar.tasks[0].completed / max(time.monotonic() - start, 1e-9)
+            bar.update(task, rate=f"{a_minute:.1f} a minute")
+
+        yield advance

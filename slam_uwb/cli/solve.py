@@ -12,15 +12,12 @@ import typer
 
 from .options import JsonOption, SurveyArgument, VerboseOption
 from .progress import progress_bar
-from .report import REPORT
 from .summary import print_summary, print_warnings
 from .targets import refuse_solution_target
 
 if TYPE_CHECKING:
     from ..model.settings import Settings
     from ..model.survey import Survey
-
-FIGURE = "figure.png"
 
 
 class Mode(StrEnum):
@@ -96,7 +93,7 @@ def solve(
     What cannot be told is left empty and says why in its `status`. OUT is complete or not there.
     """
     refuse_solution_target(out, survey)
-    chosen = _choose_settings(settings, mode, pairs)
+    chosen = choose_settings(settings, mode, pairs)
     frame = parse_alignment(align or [])
     sound = _read_sound_survey(survey)
 
@@ -108,11 +105,9 @@ def solve(
             sound, chosen, use_ranges=not no_ranges, align=frame, progress=progress, workers=workers
         )
         progress("drawing and writing", 0, 1)
-        from ..report import draw_report, draw_solution, figure_png
+        from ..report.pictures import FIGURE, REPORT, solution_pictures
 
-        picture = figure_png(draw_solution(solution))
-        page = draw_report(solution).encode()
-        write_solution(solution, out, extras={FIGURE: picture, REPORT: page})
+        write_solution(solution, out, extras=solution_pictures(solution))
         progress("drawing and writing", 1, 1)
     print_warnings(solution.warnings)
     print_summary(solution, out, out / FIGURE, out / REPORT, as_json=as_json)
@@ -137,7 +132,7 @@ def parse_alignment(words: Sequence[str]) -> str | dict[str, tuple[float, float]
     return places
 
 
-def _choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None) -> Settings:
+def choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None) -> Settings:
     """Settings of a preset or file, with what the command line says on top."""
     from ..io import read_settings
 

@@ -16,6 +16,7 @@ from .reference import read_reference
 from .settings_file import format_settings, read_settings
 from .solution_folder import read_solution, write_solution
 from .station_recording import StationRecording, recording_station
+from .survey_checksum import survey_checksum
 from .survey_folder import SurveyCheck, check_survey, read_survey
 from .survey_writer import write_survey
 
@@ -36,6 +37,7 @@ __all__ = [
     "recorded_stations",
     "recording_station",
     "start_survey",
+    "survey_checksum",
     "write_solution",
     "write_survey",
 ]

@@ -6,6 +6,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterable, Mapping
+from glob import escape
 from pathlib import Path, PurePosixPath
 
 from ..model.errors import SlamUwbError
@@ -45,6 +46,15 @@ def replace_folder(out: Path, files: Mapping[str, bytes]) -> None:
         # Only once something complete is in place: until then it is the only copy.
         if target.exists():
             _remove(former)
+
+
+def remove_leftovers(out: Path) -> None:
+    """Remove what processes left beside the complete folder `out` that were killed while they wrote it."""
+    target = out.resolve()
+    if target.exists():
+        for kind in ("partial", "former"):
+            for folder in target.parent.glob(f".{escape(target.name)}.*.{kind}"):
+                _remove(folder)
 
 
 def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:

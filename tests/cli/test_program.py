@@ -8,8 +8,8 @@ import pytest
 from slam_uwb._version import __version__
 
 COMMANDS = (
-    "solve", "evaluate", "compare", "position", "check", "simulate", "settings", "record", "ports", "emulate",
-    "report", "export", "plan", "import",
+    "solve", "evaluate", "compare", "batch", "position", "check", "simulate", "settings", "record", "ports",
+    "emulate", "report", "export", "plan", "import",
 )  # fmt: skip
 HEAVY = ("gtsam", "numpy", "scipy", "matplotlib", "tomlkit", "PIL", "rich", "serial")
 

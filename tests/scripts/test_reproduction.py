@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -70,3 +72,17 @@ def test_what_is_not_known_is_null_and_left_out_of_medians(paper, run):
     assert run.interval([0.1, None, 0.3]).count == 2
     assert paper.run.shown(run.interval([])) == "none"
     assert paper.run.shown(run.interval([np.nan, 0.25])) == "0.25 m"
+
+
+def test_tables_over_seeds_do_not_depend_on_the_number_of_processes(tmp_path):
+    def table(script, *arguments):
+        done = subprocess.run(
+            [sys.executable, str(SCRIPTS / script), *arguments],
+            capture_output=True, text=True, timeout=300, check=True, cwd=tmp_path,
+        )  # fmt: skip
+        return [line for line in done.stdout.splitlines() if line.startswith("|")]
+
+    small = ("match_consistency.py", "flat:0:2", "--runs", "2", "--workers")
+    one, two = (table(*small, workers) for workers in ("1", "2"))
+    assert len(one) == 2 + 12 + 1
+    assert one == two

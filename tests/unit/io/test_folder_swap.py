@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from slam_uwb.io.folder_swap import replace_folder
+from slam_uwb.io.folder_swap import remove_leftovers, replace_folder
 
 OLD = {"a.txt": b"old"}
 NEW = {"a.txt": b"new", "sub/b.txt": b"more"}
@@ -172,3 +172,17 @@ def test_interrupted(out, moment):
         child.communicate(timeout=60)
     assert child.returncode != 0
     assert_untouched(out, had_old)
+
+
+def test_leftovers_of_a_killed_process_go_once_the_folder_is_complete(tmp_path):
+    out = tmp_path / "a[1]"
+    left = [tmp_path / ".a[1].0123.partial", tmp_path / ".a[1].4567.former"]
+    others = [tmp_path / ".a1.0123.partial", tmp_path / ".a[1].note", tmp_path / "b"]
+    for folder in (*left, *others):
+        folder.mkdir()
+    # Without a complete folder one of them may be the only copy.
+    remove_leftovers(out)
+    assert all(folder.exists() for folder in left)
+    replace_folder(out, {"x": b"1"})
+    remove_leftovers(out)
+    assert sorted(tmp_path.iterdir()) == sorted([out, *others])
