@@ -11,28 +11,31 @@ from .options import SolutionArgument, VerboseOption
 from .summary import print_warnings
 from .targets import replace_file
 
+_FormatsOption = Annotated[
+    list[str],
+    typer.Option(
+        metavar="FORMAT",
+        show_default=False,
+        help="What to write; may be given several times, or names separated by commas. Plans: dxf, "
+        "geojson, svg, ros (map_server). Scans: ply, pcd. Graphs: g2o, pyfg, tum. Anchors for "
+        "positioning systems: csv, json, dwm1001, bitcraze, pozyx.",
+    ),
+]
+_FolderOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--folder",
+        metavar="DIR",
+        show_default="OUT-export beside OUT",
+        help="Where to write; files of the same names are replaced.",
+    ),
+]
+
 
 def export(
     out: SolutionArgument,
-    to: Annotated[
-        list[str],
-        typer.Option(
-            metavar="FORMAT",
-            show_default=False,
-            help="What to write; may be given several times, or names separated by commas. Plans: dxf, "
-            "geojson, svg, ros (map_server). Scans: ply, pcd. Graphs: g2o, pyfg, tum. Anchors for "
-            "positioning systems: csv, json, dwm1001, bitcraze, pozyx.",
-        ),
-    ],
-    folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--folder",
-            metavar="DIR",
-            show_default="OUT-export beside OUT",
-            help="Where to write; files of the same names are replaced.",
-        ),
-    ] = None,
+    to: _FormatsOption,
+    folder: _FolderOption = None,
     _verbose: VerboseOption = False,
 ) -> None:
     """Write a solution for other tools: floor plans, maps, clouds, graphs, anchors.

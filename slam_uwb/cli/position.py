@@ -20,47 +20,54 @@ if TYPE_CHECKING:
 TRACK = "track.csv"
 
 
+_RecordingArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RECORDING",
+        show_default=False,
+        help="Folder with positioning.toml, epochs.csv and, where it is known, truth.csv.",
+    ),
+]
+_AnchorsOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="FILE",
+        show_default=False,
+        help="anchors.csv of a solution (those that are ok are used), or a table anchor,x_m,y_m "
+        "of one's own, with z_m unless positioning.toml gives the heights.",
+    ),
+]
+_OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="OUT",
+        show_default=False,
+        help="Folder to write: track.csv, places.csv, figure.png.",
+    ),
+]
+_ReferenceOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        show_default=False,
+        help="True anchors.csv and stations.csv: the same measurements are located with the "
+        "true anchors too, and truth.csv is in their frame.",
+    ),
+]
+_SettingsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE", show_default=False, help="TOML file with a [positioning] section."
+    ),
+]
+
+
 def position(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            show_default=False,
-            help="Folder with positioning.toml, epochs.csv and, where it is known, truth.csv.",
-        ),
-    ],
-    anchors: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="anchors.csv of a solution (those that are ok are used), or a table anchor,x_m,y_m "
-            "of one's own, with z_m unless positioning.toml gives the heights.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT",
-            show_default=False,
-            help="Folder to write: track.csv, places.csv, figure.png.",
-        ),
-    ] = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            show_default=False,
-            help="True anchors.csv and stations.csv: the same measurements are located with the "
-            "true anchors too, and truth.csv is in their frame.",
-        ),
-    ] = None,
-    settings: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", show_default=False, help="TOML file with a [positioning] section."
-        ),
-    ] = None,
+    recording: _RecordingArgument,
+    anchors: _AnchorsOption,
+    out: _OutOption = None,
+    reference: _ReferenceOption = None,
+    settings: _SettingsOption = None,
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import JsonOption, SurveyArgument, VerboseOption
+from .options import (
+    JsonOption,
+    Mode,
+    ModeOption,
+    Pairs,
+    PairsOption,
+    SettingsOption,
+    SurveyArgument,
+    VerboseOption,
+    WorkersOption,
+)
 from .progress import progress_bar
 from .report import REPORT
 from .summary import print_summary, print_warnings
@@ -23,71 +32,38 @@ if TYPE_CHECKING:
 FIGURE = "figure.png"
 
 
-class Mode(StrEnum):
-    """How poses and anchors are solved."""
-
-    JOINT = "joint"
-    SEQUENTIAL = "sequential"
-
-
-class Pairs(StrEnum):
-    """Which pairs of scans are matched."""
-
-    ALL = "all"
-    SEQUENCE = "sequence"
+_OutOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="OUT",
+        show_default=False,
+        help="Solution folder to write. A solution already there is replaced when the new one "
+        "is complete; any other folder with something in it is refused.",
+    ),
+]
+_NoRangesOption = Annotated[
+    bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
+]
+_AlignOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="walls|ID=X,Y",
+        show_default=False,
+        help="Frame of all results: `walls` turns the main walls along the axes; two or more "
+        "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
+    ),
+]
 
 
 def solve(
     survey: SurveyArgument,
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="OUT",
-            show_default=False,
-            help="Solution folder to write. A solution already there is replaced when the new one "
-            "is complete; any other folder with something in it is refused.",
-        ),
-    ],
-    mode: Annotated[
-        Mode | None,
-        typer.Option(
-            show_default="joint, or what --settings says",
-            help="joint: poses and anchors in one problem. sequential: poses first, then each "
-            "anchor (the paper).",
-        ),
-    ] = None,
-    pairs: Annotated[
-        Pairs | None,
-        typer.Option(
-            show_default="all, or what --settings says",
-            help="all: match every promising pair of scans. sequence: only the pairs that "
-            "survey.toml lists.",
-        ),
-    ] = None,
-    settings: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|paper",
-            show_default=False,
-            help="TOML file with the settings that differ from the defaults (`slam-uwb settings` "
-            "prints all of them), or `paper` for the paper's own numbers and matching.",
-        ),
-    ] = None,
-    no_ranges: Annotated[
-        bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
-    ] = False,
-    align: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="walls|ID=X,Y",
-            show_default=False,
-            help="Frame of all results: `walls` turns the main walls along the axes; two or more "
-            "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Processes that match scans.")
-    ] = 1,
+    out: _OutOption,
+    mode: ModeOption = None,
+    pairs: PairsOption = None,
+    settings: SettingsOption = None,
+    no_ranges: _NoRangesOption = False,
+    align: _AlignOption = None,
+    workers: WorkersOption = 1,
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:

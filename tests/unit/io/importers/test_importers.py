@@ -106,8 +106,7 @@ LES = "022E[7.94,8.03,0.00]=3.38 9280[7.95,0.00,0.00]=5.49 le_us=3082 est[6.97,5
 
 
 def test_ranges_beside_scans(file):
-    from slam_uwb.capture.frames import dwm1001, trek1000
-    from slam_uwb.cli.import_survey import _readings
+    from slam_uwb.cli.import_survey import line_parsers
 
     scan = file("s01.csv", "angle_deg,range_m\n0,1\n")
     log = file(
@@ -118,10 +117,7 @@ def test_ranges_beside_scans(file):
         "test",
         tag_height=1.4,
         heights={"022E": 2.4},
-        parsers={
-            "dwm1001-log": _readings(dwm1001.find_report),
-            "trek1000-log": _readings(trek1000.find_report),
-        },
+        parsers=line_parsers(),
     )
     survey, _ = import_survey(
         "csv", [scan], [("dwm1001-log", log), ("trek1000-log", trek)], options
