@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
 from .products import LinkMeasurement, ScanMatch
 from .settings import Settings
@@ -139,6 +141,15 @@ class FloorMap:
     """m a cell."""
     origin: tuple[float, float]
     """m, world place of the lower left corner of cell (0, 0)."""
+
+    @property
+    def seen_corners(self) -> Points:
+        """(2, 2) m, lower left and upper right corner of what was seen; (0, 2) where nothing was."""
+        rows, columns = np.nonzero(~np.isnan(self.occupancy))
+        if not len(rows):
+            return np.empty((0, 2))
+        cells = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
+        return np.asarray(np.array(self.origin) + cells * self.resolution)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -134,7 +134,8 @@ def _view(
     items = [*stations, *anchors]
     sure = [i.position for i in items if i.position is not None and i.status is Status.OK]
     unsure = [i.position for i in items if i.position is not None and i.status is not Status.OK]
-    seen = [*sure, *truth, *_seen_corners(floor_map)] or unsure or [np.zeros(2)]
+    corners = () if floor_map is None else floor_map.seen_corners
+    seen = [*sure, *truth, *corners] or unsure or [np.zeros(2)]
     low, high = np.min(seen, axis=0), np.max(seen, axis=0)
     # An anchor of weak geometry may lie hundreds of metres off; the map must not shrink to a dot for it.
     reach = 0.5 * float(np.max(high - low)) + 1.0
@@ -142,17 +143,6 @@ def _view(
     low, high = np.min([low, *near], axis=0), np.max([high, *near], axis=0)
     margin = 0.4 + 0.03 * float(np.max(high - low))
     return low - margin, high + margin
-
-
-def _seen_corners(floor_map: FloorMap | None) -> list[Points]:
-    """Corners of the part of the map that is not unknown."""
-    if floor_map is None:
-        return []
-    rows, columns = np.nonzero(~np.isnan(floor_map.occupancy))
-    if not len(rows):
-        return []
-    cells = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
-    return list(np.asarray(floor_map.origin) + cells * floor_map.resolution)
 
 
 def _size(extent: Points) -> tuple[float, float]:
