@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
 from .products import LinkMeasurement, ScanMatch
@@ -131,6 +132,10 @@ class GraphEstimate:
     checks: SolverChecks | None = None
 
 
+FREE_BELOW, OCCUPIED_ABOVE = 0.35, 0.65
+"""What a cell's probability says; in between it is undecided."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorMap:
     """Occupancy grid in the world frame."""
@@ -141,6 +146,16 @@ class FloorMap:
     """m a cell."""
     origin: tuple[float, float]
     """m, world place of the lower left corner of cell (0, 0)."""
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(H, W) cells that were looked through."""
+        return np.asarray(np.nan_to_num(self.occupancy, nan=1.0) < FREE_BELOW)
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """(H, W) cells of walls and things."""
+        return np.asarray(np.nan_to_num(self.occupancy, nan=0.0) > OCCUPIED_ABOVE)
 
     @property
     def seen_corners(self) -> Points:

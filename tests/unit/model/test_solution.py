@@ -18,3 +18,9 @@ def test_corners_enclose_just_the_cells_that_were_seen():
 @pytest.mark.parametrize("shape", [(0, 0), (3, 3)])
 def test_a_map_of_the_unknown_has_no_corners(shape):
     assert FloorMap(np.full(shape, np.nan), 0.05, (0.0, 0.0)).seen_corners.shape == (0, 2)
+
+
+def test_cells_are_free_or_occupied_or_neither():
+    floor = FloorMap(np.array([[0.1, 0.5, 0.9, np.nan]]), 0.05, (0.0, 0.0))
+    assert floor.free.tolist() == [[True, False, False, False]]
+    assert floor.occupied.tolist() == [[False, False, True, False]]
