@@ -10,7 +10,7 @@ import typer
 
 from .options import Mode, VerboseOption, WorkersOption
 from .progress import progress_bar
-from .summary import print_warnings
+from .sound_survey import read_sound_survey
 
 if TYPE_CHECKING:
     from ..evaluate.comparison import MethodResult
@@ -103,15 +103,10 @@ def compare(
 
 def _read(folder: Path) -> tuple[Survey, Reference | None]:
     """A survey and its truth; every fault of it is raised before anything is solved."""
-    from ..io import check_survey, read_reference
-    from ..model.errors import SurveyFormatError
+    from ..io import read_reference
 
-    result = check_survey(folder)
-    print_warnings(map(str, result.warnings))
-    if result.survey is None or result.faults:
-        raise SurveyFormatError(result.faults)
-    inside = folder / "reference"
-    return result.survey, read_reference(inside) if inside.is_dir() else None
+    survey, inside = read_sound_survey(folder), folder / "reference"
+    return survey, read_reference(inside) if inside.is_dir() else None
 
 
 def _compare(

@@ -22,12 +22,12 @@ from .options import (
 )
 from .progress import progress_bar
 from .report import REPORT
+from .sound_survey import read_sound_survey
 from .summary import print_summary, print_warnings
 from .targets import refuse_solution_target
 
 if TYPE_CHECKING:
     from ..model.settings import Settings
-    from ..model.survey import Survey
 
 FIGURE = "figure.png"
 
@@ -74,7 +74,7 @@ def solve(
     refuse_solution_target(out, survey)
     chosen = _choose_settings(settings, mode, pairs)
     frame = parse_alignment(align or [])
-    sound = _read_sound_survey(survey)
+    sound = read_sound_survey(survey)
 
     from ..io import write_solution
     from ..pipeline import solve_survey
@@ -126,15 +126,3 @@ def _choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None)
         matching = settings.matching.model_copy(update={"pairs": pairs.value})
         settings = settings.model_copy(update={"matching": matching})
     return settings
-
-
-def _read_sound_survey(folder: Path) -> Survey:
-    """The survey, its warnings shown; SurveyFormatError with every fault where it has any."""
-    from ..io import check_survey
-    from ..model.errors import SurveyFormatError
-
-    result = check_survey(folder)
-    print_warnings(map(str, result.warnings))
-    if result.survey is None or result.faults:
-        raise SurveyFormatError(result.faults)
-    return result.survey
