@@ -38,7 +38,7 @@ class Refiner(StrEnum):
 _SurveysArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="SURVEY...",
+        metavar="SURVEY",
         show_default=False,
         help="Survey folders; errors are given where one has its truth in reference/.",
     ),
@@ -77,9 +77,10 @@ def compare(
     workers: WorkersOption = 1,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Solve surveys by every mode, initialiser and refiner, and put them side by side.
+    """Put modes and matchers side by side on the same surveys.
 
-    The paper as printed is one of the methods. A method that fails has its row and its reason.
+    Every mode, initialiser and refiner solves every survey. The paper as printed is one of the
+    methods. A method that fails has its row and its reason.
     """
     from ..io.folder_swap import refuse_foreign, replace_folder
 

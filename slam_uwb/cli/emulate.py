@@ -57,10 +57,11 @@ def emulate(
     replug_after_s: _ReplugOption = 1.0,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Play a survey as a Scanse Sweep and a DWM1001 do, on pseudo-terminals, until interrupted.
+    """Play a survey as the instruments would that recorded it.
 
-    Each recording of at least nine tenths of a station's length moves the tripod to the next station.
-    Anchors whose names are not four hexadecimal digits report as D001, D002, ...
+    A Scanse Sweep and a DWM1001 on pseudo-terminals, until interrupted. Each recording of at least
+    nine tenths of a station's length moves the tripod to the next station. Anchors whose names are
+    not four hexadecimal digits report as D001, D002, ...
     """
     from ..capture.clock import Clock
     from ..capture.emulator import Faults

@@ -38,7 +38,7 @@ def export(
     folder: _FolderOption = None,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Write a solution for other tools: floor plans, maps, clouds, graphs, anchors.
+    """Write a solution for other tools: plans, clouds, anchors.
 
     Only anchors whose status is ok are handed to positioning systems. The survey's recordings are
     not needed.

@@ -103,7 +103,7 @@ def record(
     speed: _SpeedOption = 1.0,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Record a survey with real instruments, guided from station to station.
+    """Record a survey with instruments, station by station.
 
     Everything is written as it arrives. A recording that breaks off stays, marked `complete = false`,
     and can be recorded again. Motors are stopped however this ends.

@@ -23,10 +23,10 @@ def report(
     ] = None,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Draw the report of a solution: one page that opens without a network.
+    """Draw the report of a solution again.
 
-    `solve` writes it already; this draws it again, with this version of the software, from what is
-    in OUT. The survey's recordings are not needed.
+    One page that opens without a network. `solve` writes it already; this draws it again, with
+    this version of the software, from what is in OUT. The survey's recordings are not needed.
     """
     from ..io import read_solution
     from ..report.page import draw_report

@@ -75,7 +75,10 @@ def simulate(
     _list: _ListOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Record an imaginary building: scans, ranges and the truth to compare a solution with."""
+    """Record an imaginary building: scans, ranges and the truth.
+
+    `evaluate` compares a solution with the truth in reference/, which no solver opens.
+    """
     from ..io import write_survey
     from ..simulate import Lidar, Radio, simulate_survey
 

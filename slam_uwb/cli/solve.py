@@ -67,7 +67,7 @@ def solve(
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Solve one survey: floor map, station poses and anchor coordinates with their uncertainty.
+    """Solve one survey: floor map, stations, anchors, uncertainty.
 
     What cannot be told is left empty and says why in its `status`. OUT is complete or not there.
     """
