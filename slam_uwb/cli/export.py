@@ -44,7 +44,7 @@ def export(
     not needed.
     """
     from ..io import read_solution
-    from ..io.exporters import export_solution
+    from ..io.exporters import ANCHOR_EXPORTERS, export_solution
     from ..io.exporters.anchors import left_out
 
     solution = read_solution(out)
@@ -54,7 +54,7 @@ def export(
     target = folder if folder is not None else resolved.with_name(f"{resolved.name}-export")
     target.mkdir(parents=True, exist_ok=True)
     missing = left_out(solution)
-    if missing and {"csv", "json", "dwm1001", "bitcraze", "pozyx"} & set(formats):
+    if missing and ANCHOR_EXPORTERS.keys() & set(formats):
         print_warnings([f"anchors left out, since their places are not ok: {', '.join(missing)}"])
     for name, data in files.items():
         replace_file(target / name, data)
