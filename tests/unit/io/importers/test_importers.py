@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gzip
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slam_uwb.io.importers import ImportOptions, import_survey
+from slam_uwb.io.importers.source import station_name
 from slam_uwb.model.errors import SlamUwbError, SurveyFormatError
 
 OPTIONS = ImportOptions("test", tag_height=1.4)
@@ -289,3 +291,13 @@ def test_no_bag(file):
     pytest.importorskip("rosbags")
     with pytest.raises(SurveyFormatError, match=r"s01\.bag: no bag"):
         imported("bag", file("s01.bag", "nonsense"))
+
+
+@pytest.mark.parametrize(
+    ("file", "station"),
+    [
+        ("s01.csv", "s01"), ("S01.CSV.gz", "S01"), ("hall.north.log", "hall.north"), ("s.logs", "s.logs"), ("a_1", "a_1"),
+    ],
+)  # fmt: skip
+def test_a_station_is_named_as_its_file_up_to_the_known_ending(file, station):
+    assert station_name(Path("folder") / file) == station
