@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from statistics import median
 
 from slam_uwb import (
-    PRESETS,
     Pose2,
     Settings,
     Solution,
@@ -25,17 +24,13 @@ from slam_uwb import (
     solve_survey,
 )
 from slam_uwb.batch import map_tasks
+from slam_uwb.evaluate import settings_as_printed
+from slam_uwb.model.settings import GraphSettings
 from slam_uwb.simulate import Lidar, Simulation
 
-PAPER = PRESETS["paper"]
 METHODS: dict[str, Settings] = {
-    "the paper as printed": PAPER.model_copy(
-        update={
-            "matching": PAPER.matching.model_copy(update={"pairs": "sequence"}),
-            "graph": PAPER.graph.model_copy(update={"mode": "sequential"}),
-        }
-    ),
-    "sequential": Settings(graph=Settings().graph.model_copy(update={"mode": "sequential"})),
+    "the paper as printed": settings_as_printed(),
+    "sequential": Settings(graph=GraphSettings(mode="sequential")),
     "joint": Settings(),
 }
 COLUMNS = (

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from slam_uwb import PRESETS, Pose2, Settings, Solution, Survey, evaluate_solution, solve_survey
-from slam_uwb.evaluate import (
-    static_errors,
-    trajectory_errors,
-)
+from slam_uwb import Pose2, Settings, Solution, Survey, evaluate_solution, solve_survey
+from slam_uwb.evaluate import settings_as_printed, static_errors, trajectory_errors
 from slam_uwb.model.errors import SlamUwbError
+from slam_uwb.model.settings import GraphSettings
 from slam_uwb.model.solution import Status
 from slam_uwb.model.survey import KnownPlace
 from slam_uwb.positioning import locate_stays, track_tag
@@ -29,15 +27,9 @@ from slam_uwb.simulate import (
 SCENE = "paper-office"
 SHORT = Lidar(duration=10.0, upper_duration=0.0)
 """Sweeps over seeds record 10 s a station: the median a degree is then of 14 samples instead of 83."""
-PAPER = PRESETS["paper"]
 METHODS: dict[str, Settings] = {
-    "as printed": PAPER.model_copy(
-        update={
-            "matching": PAPER.matching.model_copy(update={"pairs": "sequence"}),
-            "graph": PAPER.graph.model_copy(update={"mode": "sequential"}),
-        }
-    ),
-    "sequential": Settings(graph=Settings().graph.model_copy(update={"mode": "sequential"})),
+    "as printed": settings_as_printed(),
+    "sequential": Settings(graph=GraphSettings(mode="sequential")),
     "joint": Settings(),
 }
 

@@ -97,7 +97,7 @@ class _Recording:
     streams: dict[str, _Stream]
     scan: ScanWatch | None
     ranges: RangeWatch | None
-    finish_at: float | None = field(default=None)
+    finish_at: float | None = None
 
 
 def record_station(
@@ -120,20 +120,13 @@ def record_station(
         watch: is called some times a second.
         clock: that of the instruments' ports.
     """
-    names = {instrument.port.name: _Stream(instrument) for instrument in instruments}
-    recording = _Recording(
-        sink,
-        clock.now(),
-        names,
-        ScanWatch() if any(map(_is_scanner, instruments)) else None,
-        RangeWatch() if not all(map(_is_scanner, instruments)) else None,
-    )
+    recording = _recording_of(instruments, sink, clock)
     problem: CaptureError | None = None
     try:
         with ExitStack() as stack:
             for instrument in sorted(instruments, key=_is_scanner, reverse=True):
                 stack.enter_context(streaming(instrument))
-                names[instrument.port.name].heard = clock.now()
+                recording.streams[instrument.port.name].heard = clock.now()
             _run(recording, duration, watch, clock)
     except CaptureError as error:
         problem = error
@@ -141,6 +134,17 @@ def record_station(
         sink.flush()
     live = _live(recording, duration, clock)
     return StationReport(live, problem, _doubts(recording, live))
+
+
+def _recording_of(instruments: Sequence[Instrument[Any]], sink: Sink, clock: Clock) -> _Recording:
+    """One that begins now and that nothing has arrived for."""
+    return _Recording(
+        sink,
+        clock.now(),
+        {instrument.port.name: _Stream(instrument) for instrument in instruments},
+        ScanWatch() if any(map(_is_scanner, instruments)) else None,
+        RangeWatch() if not all(map(_is_scanner, instruments)) else None,
+    )
 
 
 def _is_scanner(instrument: Instrument[Any]) -> bool:
@@ -187,14 +191,6 @@ def _poll(recording: _Recording, clock: Clock) -> None:
         if poll is not None and now - stream.polled >= poll[1]:
             stream.polled = now
             stream.instrument.port.write(poll[0])
-
-
-def _take_the_rest(recording: _Recording, arrivals: queue.Queue[Any]) -> None:
-    """What was read before the time was up and still waits."""
-    while not arrivals.empty():
-        arrival = arrivals.get()
-        if isinstance(arrival, Chunk) and arrival.time <= (recording.finish_at or np.inf):
-            _take(recording, arrival)
 
 
 def _take(recording: _Recording, chunk: Chunk) -> None:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import JsonOption, VerboseOption
+from .options import JsonOption, ModeOption, PairsOption, SettingsOption, VerboseOption
 from .progress import rate_bar
-from .solve import Mode, Pairs, choose_settings
+from .solve import choose_settings
 from .targets import TargetError, refuse_solution_target, replace_file
 
 if TYPE_CHECKING:
@@ -41,18 +41,9 @@ def batch(
             "batch solved there is taken where survey, settings and version are the same.",
         ),
     ],
-    mode: Annotated[
-        Mode | None,
-        typer.Option(show_default="joint, or what --settings says", help="As of `solve`."),
-    ] = None,
-    pairs: Annotated[
-        Pairs | None,
-        typer.Option(show_default="all, or what --settings says", help="As of `solve`."),
-    ] = None,
-    settings: Annotated[
-        str | None,
-        typer.Option(metavar="FILE|paper", show_default=False, help="As of `solve`."),
-    ] = None,
+    mode: ModeOption = None,
+    pairs: PairsOption = None,
+    settings: SettingsOption = None,
     workers: Annotated[
         int | None,
         typer.Option(

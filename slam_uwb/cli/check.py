@@ -14,10 +14,11 @@ from .options import JsonOption, SurveyArgument, VerboseOption
 def check(
     survey: SurveyArgument, as_json: JsonOption = False, _verbose: VerboseOption = False
 ) -> None:
-    """Read a survey folder and print every fault and warning with file, line and column.
+    """Print every fault and warning of a survey folder, and where.
 
-    A fault keeps the survey from being solved (exit status 2); a warning does not. A positioning
-    recording (a folder with positioning.toml) is looked at in the same way.
+    Each is named with its file, line and column. A fault keeps the survey from being solved (exit
+    status 2); a warning does not. A positioning recording (a folder with positioning.toml) is
+    looked at in the same way.
     """
     from ..io import check_survey
     from ..io.positioning_toml import POSITIONING_TOML

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .options import VerboseOption
+from .options import Mode, VerboseOption, WorkersOption
 from .progress import progress_bar
-from .solve import Mode
-from .summary import print_warnings
+from .sound_survey import read_sound_survey
 
 if TYPE_CHECKING:
     from ..evaluate.comparison import MethodResult
@@ -36,52 +35,52 @@ class Refiner(StrEnum):
     KISS_ICP = "kiss_icp"
 
 
+_SurveysArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SURVEY",
+        show_default=False,
+        help="Survey folders; errors are given where one has its truth in reference/.",
+    ),
+]
+
+
+def _only(choices: type[StrEnum], every: str) -> Any:
+    """An option that may be given several times; without it there are `every` one of the choices."""
+    *first, last = choices
+    names = f"{', '.join(first)} or {last}"
+    return typer.Option(
+        metavar="NAME", show_default=every, help=f"Only {names}; may be given several times."
+    )
+
+
+_ModesOption = Annotated[list[Mode] | None, _only(Mode, "both")]
+_InitialisersOption = Annotated[list[Initialiser] | None, _only(Initialiser, "both")]
+_RefinersOption = Annotated[list[Refiner] | None, _only(Refiner, "all")]
+_OutOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="OUT",
+        show_default=False,
+        help="Folder to write: comparison.csv, .md, .tex and .png. A comparison already there "
+        "is replaced when the new one is complete.",
+    ),
+]
+
+
 def compare(
-    surveys: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="SURVEY...",
-            show_default=False,
-            help="Survey folders; errors are given where one has its truth in reference/.",
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="OUT",
-            show_default=False,
-            help="Folder to write: comparison.csv, .md, .tex and .png. A comparison already there "
-            "is replaced when the new one is complete.",
-        ),
-    ],
-    mode: Annotated[
-        list[Mode] | None,
-        typer.Option(
-            metavar="NAME",
-            show_default="both",
-            help="Only joint or sequential; may be given several times.",
-        ),
-    ] = None,
-    initialiser: Annotated[
-        list[Initialiser] | None,
-        typer.Option(metavar="NAME", show_default="both", help="Only correlative or landmark."),
-    ] = None,
-    refiner: Annotated[
-        list[Refiner] | None,
-        typer.Option(
-            metavar="NAME",
-            show_default="all",
-            help="Only point_to_line, paper_lm, open3d or kiss_icp; may be given several times.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Processes that match scans.")
-    ] = 1,
+    surveys: _SurveysArgument,
+    out: _OutOption,
+    mode: _ModesOption = None,
+    initialiser: _InitialisersOption = None,
+    refiner: _RefinersOption = None,
+    workers: WorkersOption = 1,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Solve surveys by every mode, initialiser and refiner, and put them side by side.
+    """Put modes and matchers side by side on the same surveys.
 
-    The paper as printed is one of the methods. A method that fails has its row and its reason.
+    Every mode, initialiser and refiner solves every survey. The paper as printed is one of the
+    methods. A method that fails has its row and its reason.
     """
     from ..io.folder_swap import refuse_foreign, replace_folder
 
@@ -105,15 +104,10 @@ def compare(
 
 def _read(folder: Path) -> tuple[Survey, Reference | None]:
     """A survey and its truth; every fault of it is raised before anything is solved."""
-    from ..io import check_survey, read_reference
-    from ..model.errors import SurveyFormatError
+    from ..io import read_reference
 
-    result = check_survey(folder)
-    print_warnings(map(str, result.warnings))
-    if result.survey is None or result.faults:
-        raise SurveyFormatError(result.faults)
-    inside = folder / "reference"
-    return result.survey, read_reference(inside) if inside.is_dir() else None
+    survey, inside = read_sound_survey(folder), folder / "reference"
+    return survey, read_reference(inside) if inside.is_dir() else None
 
 
 def _compare(

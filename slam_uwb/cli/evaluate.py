@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from .options import JsonOption, VerboseOption
+from .options import JsonOption, SolutionArgument, VerboseOption
 
 
 class Align(StrEnum):
@@ -22,45 +22,46 @@ class Align(StrEnum):
     UNALIGNED = "unaligned"
 
 
+_ReferenceOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="DIR",
+        show_default=False,
+        help="Folder with the true anchors.csv and stations.csv.",
+    ),
+]
+_FigureOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", show_default=False, help="Draw solution and truth to this PNG file."
+    ),
+]
+_AlignOption = Annotated[
+    Align,
+    typer.Option(
+        metavar="WHAT",
+        help="What the solution is aligned on before it is scored: stations, anchors, both, "
+        "unaligned, or auto: nothing in a site frame, else the stations, else the anchors.",
+    ),
+]
+_TumOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        show_default=False,
+        help="Write the stations' poses to estimate.tum and reference.tum there, for evo and "
+        "other tools; the time stamp is the station's number.",
+    ),
+]
+
+
 def evaluate(
-    out: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OUT", show_default=False, help="Solution folder that `solve` wrote."
-        ),
-    ],
-    reference: Annotated[
-        Path,
-        typer.Option(
-            metavar="DIR",
-            show_default=False,
-            help="Folder with the true anchors.csv and stations.csv.",
-        ),
-    ],
+    out: SolutionArgument,
+    reference: _ReferenceOption,
     as_json: JsonOption = False,
-    figure: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", show_default=False, help="Draw solution and truth to this PNG file."
-        ),
-    ] = None,
-    align: Annotated[
-        Align,
-        typer.Option(
-            metavar="WHAT",
-            help="What the solution is aligned on before it is scored: stations, anchors, both, "
-            "unaligned, or auto: nothing in a site frame, else the stations, else the anchors.",
-        ),
-    ] = Align.AUTO,
-    tum: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            show_default=False,
-            help="Write the stations' poses to estimate.tum and reference.tum there, for evo and "
-            "other tools; the time stamp is the station's number.",
-        ),
-    ] = None,
+    figure: _FigureOption = None,
+    align: _AlignOption = Align.AUTO,
+    tum: _TumOption = None,
     _verbose: VerboseOption = False,
 ) -> None:
     """Compare a solution with ground truth.

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import logging
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .._version import __version__
+
+
+class Mode(StrEnum):
+    """How poses and anchors are solved."""
+
+    JOINT = "joint"
+    SEQUENTIAL = "sequential"
+
+
+class Pairs(StrEnum):
+    """Which pairs of scans are matched."""
+
+    ALL = "all"
+    SEQUENCE = "sequence"
 
 
 def show_version(wanted: bool) -> None:
@@ -50,3 +65,37 @@ SolutionArgument = Annotated[
     Path,
     typer.Argument(metavar="OUT", show_default=False, help="Solution folder that `solve` wrote."),
 ]
+NewSurveyOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="SURVEY",
+        show_default=False,
+        help="Survey folder to write: a new one, since nothing recorded is ever overwritten.",
+    ),
+]
+ModeOption = Annotated[
+    Mode | None,
+    typer.Option(
+        show_default="joint, or what --settings says",
+        help="joint: poses and anchors in one problem. sequential: poses first, then each anchor "
+        "(the paper).",
+    ),
+]
+PairsOption = Annotated[
+    Pairs | None,
+    typer.Option(
+        show_default="all, or what --settings says",
+        help="all: match every promising pair of scans. sequence: only the pairs that survey.toml "
+        "lists.",
+    ),
+]
+SettingsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE|paper",
+        show_default=False,
+        help="TOML file with the settings that differ from the defaults (`slam-uwb settings` prints "
+        "all of them), or `paper` for the paper's own numbers and matching.",
+    ),
+]
+WorkersOption = Annotated[int, typer.Option(min=1, metavar="N", help="Processes that match scans.")]

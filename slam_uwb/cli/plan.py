@@ -18,10 +18,11 @@ def plan(
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Suggest the next places for the tripod: those that lower the anchors' uncertainty most.
+    """Suggest where to put the tripod next.
 
-    Only places in the known free space are suggested, from where enough known walls are in view for
-    the scan to be matched. The survey's recordings are not needed.
+    Where it lowers the anchors' uncertainty most. Only places in the known free space are
+    suggested, from where enough known walls are in view for the scan to be matched. The survey's
+    recordings are not needed.
     """
     from ..io import read_solution
     from ..planning import suggest_stations

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def ports(as_json: JsonOption = False, _verbose: VerboseOption = False) -> None:
-    """List the serial ports with their USB identifiers and the instruments that come with such adapters.
+    """List serial ports and the instruments that may be there.
 
     `slam-uwb record --lidar sweep:NAME` takes a port's name or its identifiers `vendor:product[:serial]`.
     """

@@ -11,63 +11,73 @@ import typer
 
 from .options import JsonOption, VerboseOption
 from .summary import print_warnings
+from .targets import SOLUTION_FILE
 
 if TYPE_CHECKING:
     from ..model.geometry import Pose2
+    from ..model.solution import Solution
     from ..model.tag import TagRecording, TagTruth
     from .positioned import Positioned
 
 TRACK = "track.csv"
 
 
+_RecordingArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RECORDING",
+        show_default=False,
+        help="Folder with positioning.toml, epochs.csv and, where it is known, truth.csv.",
+    ),
+]
+_AnchorsOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="FILE",
+        show_default=False,
+        help="anchors.csv of a solution (those that are ok are used), or a table anchor,x_m,y_m "
+        "of one's own, with z_m unless positioning.toml gives the heights.",
+    ),
+]
+_OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="OUT",
+        show_default=False,
+        help="Folder to write: track.csv, places.csv, figure.png.",
+    ),
+]
+_ReferenceOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        show_default=False,
+        help="True anchors.csv and stations.csv: the same measurements are located with the "
+        "true anchors too, and truth.csv is in their frame.",
+    ),
+]
+_SettingsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE", show_default=False, help="TOML file with a [positioning] section."
+    ),
+]
+
+
 def position(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            show_default=False,
-            help="Folder with positioning.toml, epochs.csv and, where it is known, truth.csv.",
-        ),
-    ],
-    anchors: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="anchors.csv of a solution (those that are ok are used), or a table anchor,x_m,y_m "
-            "of one's own, with z_m unless positioning.toml gives the heights.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT",
-            show_default=False,
-            help="Folder to write: track.csv, places.csv, figure.png.",
-        ),
-    ] = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            show_default=False,
-            help="True anchors.csv and stations.csv: the same measurements are located with the "
-            "true anchors too, and truth.csv is in their frame.",
-        ),
-    ] = None,
-    settings: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", show_default=False, help="TOML file with a [positioning] section."
-        ),
-    ] = None,
+    recording: _RecordingArgument,
+    anchors: _AnchorsOption,
+    out: _OutOption = None,
+    reference: _ReferenceOption = None,
+    settings: _SettingsOption = None,
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Locate a tag by a hybrid RSS-TDOA Kalman filter with known anchors (the paper's second experiment).
+    """Locate a tag with the anchors that a survey found.
 
-    With truth.csv the errors are given: of static tags the distance of the mean place, of a walk the
-    distance to the closest point of the path.
+    By a hybrid RSS-TDOA Kalman filter, the paper's second experiment. With truth.csv the errors are
+    given: of static tags the distance of the mean place, of a walk the distance to the closest point
+    of the path.
     """
     from ..io import read_settings
     from ..io.folder_swap import refuse_foreign, replace_folder
@@ -79,8 +89,10 @@ def position(
     chosen = read_settings("default" if settings is None else settings).positioning
     found, left_out = _places(anchors, heard)
     print_warnings(f"anchor not used: {line}" for line in left_out)
-    results = {"found anchors": locate(heard, found, chosen, truth, None)}
-    if reference is not None:
+    if reference is None:
+        truth = None if _is_elsewhere(anchors, truth) else truth
+        results = {"found anchors": locate(heard, found, chosen, truth, None)}
+    else:
         pose = _frame(anchors, found, reference)
         true_anchors, _ = _places(reference, heard)
         results = {
@@ -117,18 +129,35 @@ def _places(path: Path, heard: TagRecording) -> tuple[dict[Any, Any], tuple[str,
     return found, left_out
 
 
+def _solution_with(anchors: Path) -> Solution | None:
+    """The solution that a table of anchors is of; None where it is of one's own."""
+    from ..io import read_solution
+
+    folder = anchors if anchors.is_dir() else anchors.parent
+    return read_solution(folder) if (folder / SOLUTION_FILE).is_file() else None
+
+
+def _is_elsewhere(anchors: Path, truth: TagTruth | None) -> bool:
+    """Whether the truth is in another frame than the anchors: what lay between them would be no errors."""
+    solution = None if truth is None else _solution_with(anchors)
+    if solution is None or solution.frame == "site":
+        return False
+    where = f"the anchors are in the frame of station {solution.frame}"
+    print_warnings([f"truth.csv is not used: {where}; --reference DIR brings both together"])
+    return True
+
+
 def _frame(anchors: Path, found: dict[Any, Any], reference: Path) -> Pose2:
     """reference_T_anchors: as the solution is evaluated, where there is one, else on the anchors."""
     import numpy as np
 
     from ..evaluate import evaluate_solution, rigid_alignment
-    from ..io import read_reference, read_solution
+    from ..io import read_reference
     from ..model.errors import SlamUwbError
 
-    truth = read_reference(reference)
-    folder = anchors if anchors.is_dir() else anchors.parent
-    if (folder / "solution.json").is_file():
-        pose = evaluate_solution(read_solution(folder), truth).reference_T_world
+    truth, solution = read_reference(reference), _solution_with(anchors)
+    if solution is not None:
+        pose = evaluate_solution(solution, truth).reference_T_world
         if pose is not None:
             return pose
     both = [name for name in found if name in truth.anchors]

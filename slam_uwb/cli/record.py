@@ -35,64 +35,75 @@ class _Plan:
     clock: Clock
 
 
+_SurveyArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SURVEY",
+        show_default=False,
+        help="Survey folder to make, or to go on with: stations are added.",
+    ),
+]
+_LidarOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DEVICE[:PORT]",
+        show_default=False,
+        help="Scanner and its port, e.g. `sweep:/dev/ttyUSB0`, `sweep:0403:6015` (USB "
+        "identifiers) or `sweep` (the only port that fits). `slam-uwb ports` lists both.",
+    ),
+]
+_TagOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DEVICE[:PORT]", show_default=False, help="UWB tag and its port, likewise."
+    ),
+]
+_SecondsOption = Annotated[
+    float, typer.Option(min=1.0, max=7200.0, metavar="S", help="Recorded at each station.")
+]
+_TagHeightOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="M", show_default=False, help="Tag antenna above the floor; asked if not given."
+    ),
+]
+_MaxRangeOption = Annotated[
+    float | None,
+    typer.Option(
+        min=1.0,
+        max=1000.0,
+        metavar="M",
+        show_default="what the scanner reaches",
+        help="Longer returns are taken for none.",
+    ),
+]
+_RawOption = Annotated[
+    bool, typer.Option("--raw", help="Keep the bytes as they came, in recordings/raw.")
+]
+_NoSolveOption = Annotated[
+    bool, typer.Option("--no-solve", help="Do not solve the survey after each station.")
+]
+_SpeedOption = Annotated[
+    float,
+    typer.Option(
+        min=1.0, max=100.0, metavar="K", help="Of the clock, for `slam-uwb emulate --speed K`."
+    ),
+]
+
+
 def record(
-    survey: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SURVEY",
-            show_default=False,
-            help="Survey folder to make, or to go on with: stations are added.",
-        ),
-    ],
-    lidar: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DEVICE[:PORT]",
-            show_default=False,
-            help="Scanner and its port, e.g. `sweep:/dev/ttyUSB0`, `sweep:0403:6015` (USB "
-            "identifiers) or `sweep` (the only port that fits). `slam-uwb ports` lists both.",
-        ),
-    ] = None,
-    uwb: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DEVICE[:PORT]", show_default=False, help="UWB tag and its port, likewise."
-        ),
-    ] = None,
-    seconds: Annotated[
-        float, typer.Option(min=1.0, max=7200.0, metavar="S", help="Recorded at each station.")
-    ] = 60.0,
-    tag_height_m: Annotated[
-        float | None,
-        typer.Option(
-            metavar="M", show_default=False, help="Tag antenna above the floor; asked if not given."
-        ),
-    ] = None,
-    max_range_m: Annotated[
-        float | None,
-        typer.Option(
-            min=1.0,
-            max=1000.0,
-            metavar="M",
-            show_default="what the scanner reaches",
-            help="Longer returns are taken for none.",
-        ),
-    ] = None,
-    raw: Annotated[
-        bool, typer.Option("--raw", help="Keep the bytes as they came, in recordings/raw.")
-    ] = False,
-    no_solve: Annotated[
-        bool, typer.Option("--no-solve", help="Do not solve the survey after each station.")
-    ] = False,
-    speed: Annotated[
-        float,
-        typer.Option(
-            min=1.0, max=100.0, metavar="K", help="Of the clock, for `slam-uwb emulate --speed K`."
-        ),
-    ] = 1.0,
+    survey: _SurveyArgument,
+    lidar: _LidarOption = None,
+    uwb: _TagOption = None,
+    seconds: _SecondsOption = 60.0,
+    tag_height_m: _TagHeightOption = None,
+    max_range_m: _MaxRangeOption = None,
+    raw: _RawOption = False,
+    no_solve: _NoSolveOption = False,
+    speed: _SpeedOption = 1.0,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Record a survey with real instruments, guided from station to station.
+    """Record a survey with instruments, station by station.
 
     Everything is written as it arrives. A recording that breaks off stays, marked `complete = false`,
     and can be recorded again. Motors are stopped however this ends.

@@ -10,8 +10,6 @@ import typer
 from .options import SolutionArgument, VerboseOption
 from .targets import replace_file
 
-REPORT = "report.html"
-
 
 def report(
     out: SolutionArgument,
@@ -23,13 +21,14 @@ def report(
     ] = None,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Draw the report of a solution: one page that opens without a network.
+    """Draw the report of a solution again.
 
-    `solve` writes it already; this draws it again, with this version of the software, from what is
-    in OUT. The survey's recordings are not needed.
+    One page that opens without a network. `solve` writes it already; this draws it again, with
+    this version of the software, from what is in OUT. The survey's recordings are not needed.
     """
     from ..io import read_solution
     from ..report.page import draw_report
+    from ..report.pictures import REPORT
 
     target = out / REPORT if to is None else to
     replace_file(target, draw_report(read_solution(out)).encode())

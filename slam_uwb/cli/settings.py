@@ -15,7 +15,7 @@ def settings(
     ] = "default",
     _verbose: VerboseOption = False,
 ) -> None:
-    """Print all settings as TOML, each with its unit, limits and reason.
+    """Print all settings as TOML, with unit, limits and reason.
 
     Save what you change to a file and hand it to `slam-uwb solve --settings FILE`.
     """

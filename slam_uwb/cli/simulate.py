@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import VerboseOption
+from .options import NewSurveyOption, VerboseOption
 from .targets import refuse_survey_target
 
 if TYPE_CHECKING:
@@ -26,59 +26,59 @@ def list_scenes(wanted: bool) -> None:
     raise typer.Exit
 
 
+_SceneArgument = Annotated[
+    str,
+    typer.Argument(metavar="SCENE", show_default=False, help="One of `slam-uwb simulate --list`."),
+]
+_SeedOption = Annotated[
+    int,
+    typer.Option(
+        min=0, metavar="N", show_default=False, help="The same seed gives the same survey."
+    ),
+]
+_TwoWayOption = Annotated[
+    bool,
+    typer.Option(
+        "--two-way", help="Record two-way-ranging periods (twr.csv) instead of distances."
+    ),
+]
+_DurationOption = Annotated[
+    float | None,
+    typer.Option(min=1.0, max=3600.0, metavar="S", help="Seconds recorded at each station."),
+]
+_NoSequenceOption = Annotated[
+    bool, typer.Option("--no-sequence", help="Leave out which scan follows which.")
+]
+_TagsOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        show_default=False,
+        help="Write what the same anchors hear of static tags (DIR/static) and of a person who "
+        "walks (DIR/walk), for `position`.",
+    ),
+]
+_ListOption = Annotated[
+    bool,
+    typer.Option("--list", callback=list_scenes, is_eager=True, help="List the scenes and exit."),
+]
+
+
 def simulate(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", show_default=False, help="One of `slam-uwb simulate --list`."
-        ),
-    ],
-    seed: Annotated[
-        int,
-        typer.Option(
-            min=0, metavar="N", show_default=False, help="The same seed gives the same survey."
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="SURVEY",
-            show_default=False,
-            help="Survey folder to write, with its truth in reference/: a new one, since nothing "
-            "recorded is ever overwritten.",
-        ),
-    ],
-    two_way: Annotated[
-        bool,
-        typer.Option(
-            "--two-way", help="Record two-way-ranging periods (twr.csv) instead of distances."
-        ),
-    ] = False,
-    duration_s: Annotated[
-        float | None,
-        typer.Option(min=1.0, max=3600.0, metavar="S", help="Seconds recorded at each station."),
-    ] = None,
-    no_sequence: Annotated[
-        bool, typer.Option("--no-sequence", help="Leave out which scan follows which.")
-    ] = False,
-    tags: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            show_default=False,
-            help="Write what the same anchors hear of static tags (DIR/static) and of a person who "
-            "walks (DIR/walk), for `position`.",
-        ),
-    ] = None,
-    _list: Annotated[
-        bool,
-        typer.Option(
-            "--list", callback=list_scenes, is_eager=True, help="List the scenes and exit."
-        ),
-    ] = False,
+    scene: _SceneArgument,
+    seed: _SeedOption,
+    out: NewSurveyOption,
+    two_way: _TwoWayOption = False,
+    duration_s: _DurationOption = None,
+    no_sequence: _NoSequenceOption = False,
+    tags: _TagsOption = None,
+    _list: _ListOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Record an imaginary building: scans, ranges and the truth to compare a solution with."""
+    """Record an imaginary building: scans, ranges and the truth.
+
+    `evaluate` compares a solution with the truth in reference/, which no solver opens.
+    """
     from ..io import write_survey
     from ..simulate import Lidar, Radio, simulate_survey
 

@@ -4,98 +4,74 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import JsonOption, SurveyArgument, VerboseOption
+from .options import (
+    JsonOption,
+    Mode,
+    ModeOption,
+    Pairs,
+    PairsOption,
+    SettingsOption,
+    SurveyArgument,
+    VerboseOption,
+    WorkersOption,
+)
 from .progress import progress_bar
+from .sound_survey import read_sound_survey
 from .summary import print_summary, print_warnings
 from .targets import refuse_solution_target
 
 if TYPE_CHECKING:
     from ..model.settings import Settings
-    from ..model.survey import Survey
 
 
-class Mode(StrEnum):
-    """How poses and anchors are solved."""
-
-    JOINT = "joint"
-    SEQUENTIAL = "sequential"
-
-
-class Pairs(StrEnum):
-    """Which pairs of scans are matched."""
-
-    ALL = "all"
-    SEQUENCE = "sequence"
+_OutOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="OUT",
+        show_default=False,
+        help="Solution folder to write. A solution already there is replaced when the new one "
+        "is complete; any other folder with something in it is refused.",
+    ),
+]
+_NoRangesOption = Annotated[
+    bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
+]
+_AlignOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="walls|ID=X,Y",
+        show_default=False,
+        help="Frame of all results: `walls` turns the main walls along the axes; two or more "
+        "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
+    ),
+]
 
 
 def solve(
     survey: SurveyArgument,
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="OUT",
-            show_default=False,
-            help="Solution folder to write. A solution already there is replaced when the new one "
-            "is complete; any other folder with something in it is refused.",
-        ),
-    ],
-    mode: Annotated[
-        Mode | None,
-        typer.Option(
-            show_default="joint, or what --settings says",
-            help="joint: poses and anchors in one problem. sequential: poses first, then each "
-            "anchor (the paper).",
-        ),
-    ] = None,
-    pairs: Annotated[
-        Pairs | None,
-        typer.Option(
-            show_default="all, or what --settings says",
-            help="all: match every promising pair of scans. sequence: only the pairs that "
-            "survey.toml lists.",
-        ),
-    ] = None,
-    settings: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|paper",
-            show_default=False,
-            help="TOML file with the settings that differ from the defaults (`slam-uwb settings` "
-            "prints all of them), or `paper` for the paper's own numbers and matching.",
-        ),
-    ] = None,
-    no_ranges: Annotated[
-        bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
-    ] = False,
-    align: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="walls|ID=X,Y",
-            show_default=False,
-            help="Frame of all results: `walls` turns the main walls along the axes; two or more "
-            "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Processes that match scans.")
-    ] = 1,
+    out: _OutOption,
+    mode: ModeOption = None,
+    pairs: PairsOption = None,
+    settings: SettingsOption = None,
+    no_ranges: _NoRangesOption = False,
+    align: _AlignOption = None,
+    workers: WorkersOption = 1,
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
-    """Solve one survey: floor map, station poses and anchor coordinates with their uncertainty.
+    """Solve one survey: floor map, stations, anchors, uncertainty.
 
     What cannot be told is left empty and says why in its `status`. OUT is complete or not there.
     """
     refuse_solution_target(out, survey)
     chosen = choose_settings(settings, mode, pairs)
     frame = parse_alignment(align or [])
-    sound = _read_sound_survey(survey)
+    sound = read_sound_survey(survey)
 
     from ..io import write_solution
     from ..pipeline import solve_survey
@@ -145,15 +121,3 @@ def choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None) 
         matching = settings.matching.model_copy(update={"pairs": pairs.value})
         settings = settings.model_copy(update={"matching": matching})
     return settings
-
-
-def _read_sound_survey(folder: Path) -> Survey:
-    """The survey, its warnings shown; SurveyFormatError with every fault where it has any."""
-    from ..io import check_survey
-    from ..model.errors import SurveyFormatError
-
-    result = check_survey(folder)
-    print_warnings(map(str, result.warnings))
-    if result.survey is None or result.faults:
-        raise SurveyFormatError(result.faults)
-    return result.survey

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 from pathlib import Path
@@ -44,6 +45,9 @@ def refuse_survey_target(out: Path) -> None:
 
 def replace_file(target: Path, data: bytes) -> None:
     """Write a file whole or not at all; OSError as the file system has it."""
+    if not target.parent.is_dir():
+        # The error would name the file that is made first, which nobody asked for.
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
     fresh = target.with_name(f".{target.name}.{secrets.token_hex(4)}.partial")
     try:
         fresh.write_bytes(data)

@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from ..model.geometry import Vector2
     from ..model.solution import FloorMap, Solution
 
-_OCCUPIED = 0.65
-_FREE = 0.35
-
 
 def draw_text_map(solution: Solution, columns: int = 76, rows: int = 30) -> list[str]:
     """Lines of at most `columns` by `rows` characters; no lines without a map.
@@ -27,8 +24,8 @@ def draw_text_map(solution: Solution, columns: int = 76, rows: int = 30) -> list
     height, width = floor.occupancy.shape
     # A character is about twice as high as wide.
     cells = max(1, -(-width // columns), -(-height // (2 * rows)))
-    walls = _any(floor.occupancy > _OCCUPIED, 2 * cells, cells)
-    seen = _any(floor.occupancy < _FREE, 2 * cells, cells)
+    walls = _any(floor.occupied, 2 * cells, cells)
+    seen = _any(floor.free, 2 * cells, cells)
     picture = np.where(walls, "█", np.where(seen, "·", " "))
     for station in solution.stations:
         if station.pose is not None:

@@ -1,7 +1,7 @@
 """A solution against ground truth: rigid alignment, errors, consistency of the uncertainties, statistics."""
 
 from .align import evaluate_solution, rigid_alignment
-from .comparison import Method, MethodResult, compare_methods, methods
+from .comparison import Method, MethodResult, compare_methods, methods, settings_as_printed
 from .comparison_table import comparison_to_csv, comparison_to_latex, comparison_to_markdown
 from .evaluation import AlignOn, ErrorSummary, Evaluation, GroupEvaluation, ItemEvaluation
 from .positioning import distances_to_path, static_errors, trajectory_errors
@@ -43,6 +43,7 @@ __all__ = [
     "pooled_nees",
     "reference_to_tum",
     "rigid_alignment",
+    "settings_as_printed",
     "sign_flip_test",
     "static_errors",
     "trajectory_errors",

@@ -83,12 +83,16 @@ def methods(
         for initialiser, refiner, mode in product(initialisers, refiners, modes)
     ]
     if as_printed:
-        paper = PRESETS["paper"]
-        matching = paper.matching.model_copy(update={"pairs": "sequence"})
-        graph = paper.graph.model_copy(update={"mode": "sequential"})
-        printed = paper.model_copy(update={"matching": matching, "graph": graph})
-        found.append(Method(AS_PRINTED, printed))
+        found.append(Method(AS_PRINTED, settings_as_printed()))
     return tuple(found)
+
+
+def settings_as_printed() -> Settings:
+    """The paper's numbers and matching along the sequence, `sequential`."""
+    paper = PRESETS["paper"]
+    matching = paper.matching.model_copy(update={"pairs": "sequence"})
+    graph = paper.graph.model_copy(update={"mode": "sequential"})
+    return paper.model_copy(update={"matching": matching, "graph": graph})
 
 
 def compare_methods(

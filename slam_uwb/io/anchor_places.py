@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..model.geometry import FloatArray
 from ..model.survey import AnchorId
 from .files import FolderReader
 from .findings import Findings, shown
-from .tables import Column, read_table
+from .tables import Column, Table, read_table
 
 ANCHORS = "anchors.csv"
 _COLUMNS = (
@@ -43,32 +43,43 @@ def read_anchor_places(
     """
     findings = Findings()
     file = path / ANCHORS if path.is_dir() else path
-    found: dict[AnchorId, FloatArray] = {}
-    left_out: list[str] = []
-    seen: set[AnchorId] = set()
     content = FolderReader(file.resolve().parent, findings).read(file.name)
     rows = None if content is None else read_table(content, _COLUMNS, findings)
     if rows is not None and rows.sound:
-        count = len(rows.lines)
-        status = rows.texts.get("status", ("ok",) * count)
-        z = rows.numbers.get("z_m", np.full(count, np.nan))
-        places = np.column_stack([rows.numbers["x_m"], rows.numbers["y_m"], z])
-        for line, text, state, place in zip(
-            rows.lines.tolist(), rows.texts["anchor"], status, places, strict=True
-        ):
-            name = AnchorId(text)
-            if name in seen:
-                findings.fault(rows.name, f"{shown(text)} is there twice", line, "anchor")
-            seen.add(name)
-            if np.isnan(place[2]):
-                place[2] = heights.get(name, np.nan)
-            if state != "ok":
-                left_out.append(f"{text}: {state}")
-            elif not np.isfinite(place).all():
-                missing = "height" if np.isfinite(place[:2]).all() else "place"
-                left_out.append(f"{text}: no {missing}")
-            else:
-                found[name] = place
-    if findings.faults:
+        _note_repeated(rows, findings)
+    if rows is None or findings.faults:
         raise SurveyFormatError(findings.faults)
+    found: dict[AnchorId, FloatArray] = {}
+    left_out: list[str] = []
+    for name, status, place in _places(rows, heights):
+        if status != "ok":
+            left_out.append(f"{name}: {status}")
+        elif not np.isfinite(place).all():
+            missing = "height" if np.isfinite(place[:2]).all() else "place"
+            left_out.append(f"{name}: no {missing}")
+        else:
+            found[name] = place
     return found, tuple(left_out)
+
+
+def _note_repeated(rows: Table, findings: Findings) -> None:
+    seen: set[str] = set()
+    for line, name in zip(rows.lines.tolist(), rows.texts["anchor"], strict=True):
+        if name in seen:
+            findings.fault(rows.name, f"{shown(name)} is there twice", line, "anchor")
+        seen.add(name)
+
+
+def _places(
+    rows: Table, heights: Mapping[AnchorId, float]
+) -> Iterator[tuple[AnchorId, str, FloatArray]]:
+    """Name, status and (3,) m of each row, NaN where nobody tells."""
+    count = len(rows.lines)
+    status = rows.texts.get("status", ("ok",) * count)
+    z = rows.numbers.get("z_m", np.full(count, np.nan))
+    places = np.column_stack([rows.numbers["x_m"], rows.numbers["y_m"], z])
+    for text, state, place in zip(rows.texts["anchor"], status, places, strict=True):
+        name = AnchorId(text)
+        if np.isnan(place[2]):
+            place[2] = heights.get(name, np.nan)
+        yield name, state, place

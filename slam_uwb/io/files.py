@@ -82,12 +82,7 @@ class FolderReader:
         path = (self.root / name).resolve(strict=True)
         if not path.is_relative_to(self.root):
             raise ValueError("is a link that leaves the folder: copy the file here")
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise ValueError("is no regular file")
-        if status.st_size > max_bytes:
-            raise ValueError(f"holds {status.st_size:,} bytes, the limit is {max_bytes:,}")
-        raw = path.read_bytes()
+        raw = _read_regular(path, max_bytes)
         self.digests[name] = hashlib.sha256(raw).digest()
         return FileContent(name, _gunzip(raw, max_bytes) if name.endswith(".gz") else raw)
 
@@ -104,6 +99,16 @@ def _unsafe(name: str) -> str | None:
     if "\\" in name:
         return "expected '/' between folders"
     return None
+
+
+def _read_regular(path: Path, max_bytes: int) -> bytes:
+    # Looked at before it is opened: a pipe would never end, a device may do anything.
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("is no regular file")
+    if status.st_size > max_bytes:
+        raise ValueError(f"holds {status.st_size:,} bytes, the limit is {max_bytes:,}")
+    return path.read_bytes()
 
 
 def _gunzip(raw: bytes, max_bytes: int) -> bytes:
@@ -132,10 +137,5 @@ def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> FileContent:
         OSError: it cannot be read.
         ValueError: it is no regular file, larger than `max_bytes` (uncompressed too), or no whole gzip file.
     """
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError("is no regular file")
-    if status.st_size > max_bytes:
-        raise ValueError(f"holds {status.st_size:,} bytes, the limit is {max_bytes:,}")
-    raw = path.read_bytes()
+    raw = _read_regular(path, max_bytes)
     return FileContent(str(path), _gunzip(raw, max_bytes) if path.suffix == ".gz" else raw)

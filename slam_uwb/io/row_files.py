@@ -7,13 +7,16 @@ import gzip
 import io
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import IO, TextIO
 
 from ..model.errors import Fault, SurveyFormatError
 from .tables import MAX_LINE_CHARACTERS
 
 Row = dict[str, str]
+_HELD_CHARACTERS = 1_000_000
+"""Of removed rows, before they are written."""
 
 
 def append_durably(path: Path, data: bytes) -> None:
@@ -45,36 +48,46 @@ def rewrite_rows(
     if source is None:
         return
     fresh = path.with_name(f".{path.name}.partial")
-    gone = 0
     try:
-        with fresh.open("w", newline="") as kept_file, io.StringIO() as removed_text:
-            kept = csv.DictWriter(kept_file, header, extrasaction="ignore", lineterminator="\n")
-            lost = csv.DictWriter(removed_text, header, extrasaction="ignore", lineterminator="\n")
+        with fresh.open("w", newline="") as file:
+            kept = _writer(file, header)
             kept.writeheader()
-            for row in _rows(source, header):
-                if keep(row):
-                    kept.writerow(row)
-                    continue
-                gone += 1
-                lost.writerow(row)
-                if removed_text.tell() > 1_000_000:
-                    _put_aside(removed, header, removed_text)
-            if gone:
-                _put_aside(removed, header, removed_text)
-            kept_file.flush()
-            os.fsync(kept_file.fileno())
+            with _appending(removed, header) as put_aside:
+                for row in _rows(source, header):
+                    (kept.writerow if keep(row) else put_aside)(row)
+            file.flush()
+            os.fsync(file.fileno())
         fresh.replace(path)
         packed.unlink(missing_ok=True)
     finally:
         fresh.unlink(missing_ok=True)
 
 
-def _put_aside(removed: Path, header: Sequence[str], text: io.StringIO) -> None:
-    removed.parent.mkdir(parents=True, exist_ok=True)
-    start = "" if removed.exists() else ",".join(header) + "\n"
-    append_durably(removed, (start + text.getvalue()).encode())
-    text.seek(0)
-    text.truncate()
+@contextmanager
+def _appending(path: Path, header: Sequence[str]) -> Iterator[Callable[[Row], None]]:
+    """Takes rows to add to a table, which is made with the first of them; durable when this is left."""
+    text = io.StringIO()
+    writer = _writer(text, header)
+
+    def write_out() -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        start = "" if path.exists() else ",".join(header) + "\n"
+        append_durably(path, (start + text.getvalue()).encode())
+        text.seek(0)
+        text.truncate()
+
+    def add(row: Row) -> None:
+        writer.writerow(row)
+        if text.tell() > _HELD_CHARACTERS:
+            write_out()
+
+    yield add
+    if text.tell():
+        write_out()
+
+
+def _writer(file: TextIO, header: Sequence[str]) -> csv.DictWriter[str]:
+    return csv.DictWriter(file, header, extrasaction="ignore", lineterminator="\n")
 
 
 def _rows(source: Path, header: Sequence[str]) -> Iterator[Row]:

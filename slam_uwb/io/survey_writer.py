@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import gzip
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+from ..model.geometry import FloatArray
 from ..model.survey import Decision, Reference, ReferencePlace, Scan, Survey
 from . import csv_text
 from .degrees import degrees_from_radians
@@ -51,22 +52,26 @@ def write_survey(
         ValueError: what one survey.toml cannot say (two `max_range`; a tag height here, none there).
     """
     refuse_foreign(folder, SURVEY_TOML, "survey folder")
+    recorded = _scans(survey, angle_direction, decimals) | _rows(survey, decimals)
+    files = _compressed(recorded) if compress else recorded
     suffix = ".gz" if compress else ""
-    files = {
+    files[SURVEY_TOML] = survey_toml(survey, suffix, angle_direction, lidar_model).encode()
+    # Never compressed: a person edits this one.
+    files |= _decisions(survey.decisions, decimals)
+    replace_folder(folder, files | _reference_files(reference, link_truth))
+
+
+def _compressed(files: Mapping[str, bytes]) -> dict[str, bytes]:
+    # Without name and time of writing, equal contents are equal files.
+    return {f"{name}.gz": gzip.compress(data, 6, mtime=0) for name, data in files.items()}
+
+
+def _scans(survey: Survey, angle_direction: str, decimals: int | None) -> dict[str, bytes]:
+    return {
         f"{name}.csv": _scan_csv(scan, angle_direction, decimals)
         for station in survey.stations
         for _, name, scan in recordings(station)
     }
-    # Without name and time of writing, equal contents are equal files.
-    packed = {
-        f"{name}{suffix}": gzip.compress(data, 6, mtime=0) if compress else data
-        for name, data in (files | _rows(survey, decimals)).items()
-    }
-    packed[SURVEY_TOML] = survey_toml(survey, suffix, angle_direction, lidar_model).encode()
-    if survey.decisions:
-        # Never packed: a person edits this one.
-        packed["decisions.csv"] = _decisions_csv(survey.decisions, decimals)
-    replace_folder(folder, packed | _reference_files(reference, link_truth))
 
 
 def _scan_csv(scan: Scan, angle_direction: str, decimals: int | None) -> bytes:
@@ -86,10 +91,8 @@ def _rows(survey: Survey, decimals: int | None) -> dict[str, bytes]:
     if survey.ranges:
         files["ranges.csv"] = csv_text.table(
             ("station", "anchor", "range_m"),
-            (
-                (link.station, link.anchor, _as_measured(distance, decimals))
-                for link in survey.ranges
-                for distance in link.distances.tolist()
+            _distances(
+                ((link.station, link.anchor, link.distances) for link in survey.ranges), decimals
             ),
         )
     if survey.periods:
@@ -104,13 +107,21 @@ def _rows(survey: Survey, decimals: int | None) -> dict[str, bytes]:
     if survey.anchor_ranges:
         files["anchor_ranges.csv"] = csv_text.table(
             ("anchor_a", "anchor_b", "range_m"),
-            (
-                (link.anchor_a, link.anchor_b, _as_measured(distance, decimals))
-                for link in survey.anchor_ranges
-                for distance in link.distances.tolist()
+            _distances(
+                ((link.anchor_a, link.anchor_b, link.distances) for link in survey.anchor_ranges),
+                decimals,
             ),
         )
     return files
+
+
+def _distances(
+    links: Iterable[tuple[str, str, FloatArray]], decimals: int | None
+) -> Iterator[tuple[str, str, str]]:
+    """One row a distance, m, of links between two ends."""
+    for a, b, distances in links:
+        for distance in distances.tolist():
+            yield a, b, _as_measured(distance, decimals)
 
 
 def _as_measured(value: float, decimals: int | None) -> str:
@@ -118,7 +129,10 @@ def _as_measured(value: float, decimals: int | None) -> str:
     return csv_text.number(value, decimals) if math.isfinite(value) else repr(value)
 
 
-def _decisions_csv(decisions: Iterable[Decision], decimals: int | None) -> bytes:
+def _decisions(decisions: Sequence[Decision], decimals: int | None) -> dict[str, bytes]:
+    """decisions.csv, where there are any."""
+    if not decisions:
+        return {}
     more = None if decimals is None else decimals + 1
     rows = []
     for item in decisions:
@@ -128,7 +142,8 @@ def _decisions_csv(decisions: Iterable[Decision], decimals: int | None) -> bytes
             yaw = float(degrees_from_radians(guess.theta))
             pose = [csv_text.number(value, more) for value in (guess.x, guess.y, yaw)]
         rows.append((item.kind, item.a, item.b, item.verdict, *pose))
-    return csv_text.table(("kind", "a", "b", "decision", "dx_m", "dy_m", "dyaw_deg"), rows)
+    header = ("kind", "a", "b", "decision", "dx_m", "dy_m", "dyaw_deg")
+    return {"decisions.csv": csv_text.table(header, rows)}
 
 
 def _reference_files(

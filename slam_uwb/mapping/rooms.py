@@ -23,8 +23,6 @@ from ..model.products import WallPieces
 from ..model.settings import MappingSettings
 from ..model.solution import FloorMap, Room
 
-_FREE = 0.35
-"""Cells of the floor map that are less likely occupied were looked through."""
 _SEEN_SHARE = 0.3
 """Share of a room's area that was seen; less is a shaft, a wall's inside or somebody else's room."""
 _SAMPLE_M = 0.05
@@ -168,8 +166,7 @@ def _tidy(shape: BaseGeometry) -> Polygon | None:
 
 def _seen_share(polygon: Polygon, floor_map: FloorMap) -> float:
     """Share of the area that the map calls free."""
-    free = np.nan_to_num(floor_map.occupancy, nan=1.0) < _FREE
-    rows, columns = np.nonzero(free)
+    rows, columns = np.nonzero(floor_map.free)
     places = np.column_stack([columns, rows]) + 0.5
     x, y = (np.array(floor_map.origin) + places * floor_map.resolution).T
     inside = shapely.contains_xy(polygon, x, y)

@@ -49,9 +49,7 @@ def corner_gaps(
     low, high = _short_of(runs.span[run], at)
     low_other, high_other = _short_of(runs.span[other], at_other)
     gap = high - low
-    # Which end of the run looks at the corner; a corner within the run is near one of them.
-    upper = at > runs.span[run].mean(axis=1)
-    inside = np.where(upper, runs.span[run, 1] - at, at - runs.span[run, 0])
+    upper, inside = _nearer_end(runs.span[run], at)
     closed = _closed_ends(runs, walls, lines)[run, upper.astype(np.int64)]
     fits = (
         (gap <= np.where(closed, _PAST_M, wide))
@@ -105,6 +103,12 @@ def _closed_ends(runs: WallRuns, walls: NDArray[np.bool_], lines: WallLines) -> 
     closed = np.zeros((len(runs.line), 2), dtype=np.bool_)
     np.logical_or.at(closed, run, np.hypot(away, past) < _PAST_M)
     return closed
+
+
+def _nearer_end(span: FloatArray, at: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Whether a place (N,) on the line is nearer to the upper end of a span (N, 2), and how far inside it is."""
+    upper = at > span.mean(axis=1)
+    return upper, np.where(upper, span[:, 1] - at, at - span[:, 0])
 
 
 def _short_of(span: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
 from .products import LinkMeasurement, ScanMatch
 from .settings import Settings
@@ -131,6 +134,10 @@ class GraphEstimate:
     checks: SolverChecks | None = None
 
 
+FREE_BELOW, OCCUPIED_ABOVE = 0.35, 0.65
+"""What a cell's probability says; in between it is undecided."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorMap:
     """Occupancy grid in the world frame."""
@@ -141,6 +148,25 @@ class FloorMap:
     """m a cell."""
     origin: tuple[float, float]
     """m, world place of the lower left corner of cell (0, 0)."""
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(H, W) cells that were looked through."""
+        return np.asarray(np.nan_to_num(self.occupancy, nan=1.0) < FREE_BELOW)
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """(H, W) cells of walls and things."""
+        return np.asarray(np.nan_to_num(self.occupancy, nan=0.0) > OCCUPIED_ABOVE)
+
+    @property
+    def seen_corners(self) -> Points:
+        """(2, 2) m, lower left and upper right corner of what was seen; (0, 2) where nothing was."""
+        rows, columns = np.nonzero(~np.isnan(self.occupancy))
+        if not len(rows):
+            return np.empty((0, 2))
+        cells = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
+        return np.asarray(np.array(self.origin) + cells * self.resolution)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,6 +6,7 @@ best place for the anchors' covariances, then the next one given the first.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -49,8 +50,7 @@ def suggest_stations(
         count: how many are wanted.
         settings: what a range is expected to be worth, and what a scan needs to be matched.
     """
-    sought = [_belief(anchor) or _ring_belief(anchor, solution) for anchor in solution.anchors]
-    beliefs = [belief for belief in sought if belief is not None]
+    beliefs = _beliefs(solution)
     if solution.floor_map is None or not beliefs:
         return ()
     places = free_places(solution.floor_map, settings.spacing_m, settings.clearance_m)
@@ -58,33 +58,37 @@ def suggest_stations(
         return ()
     view = known_view(solution.floor_map, places, settings.reach_m)
     places, view = places[view >= settings.min_known_view], view[view >= settings.min_known_view]
-    means = np.array([mean for mean, _ in beliefs])
-    covariances = np.array([covariance for _, covariance in beliefs])
-    heights = np.array([a.height for a, b in zip(solution.anchors, sought, strict=True) if b])
+    means = np.array([belief.mean for belief in beliefs])
     variances = _range_variances(solution, places, means, settings)
-    slopes = _slopes(places, means, heights, solution)
-    rivals = _rivals(solution, sought, heights)
+    slopes = _slopes(places, means, np.array([belief.rise for belief in beliefs]))
+    rivals = [rival for belief in beliefs for rival in belief.rivals]
+    telling = _telling(rivals, places, solution, settings)
+    spreads = np.array([rival.spread for rival in rivals])
+    covariances = np.array([belief.covariance for belief in beliefs])
     # Nothing is told apart yet: one factor a pair of rival places, lowered by each range.
     confused = np.ones(len(rivals))
-    telling = _telling(rivals, places, solution, settings)
     stations = np.array([s.pose.translation for s in solution.stations if s.pose]).reshape(-1, 2)
     found: list[Suggestion] = []
     while len(found) < count and len(places):
         # Next to a station the same walls and reflections spoil the range once more.
         near = np.linalg.norm(places[:, None] - stations[None], axis=2) < settings.shared_radius_m
-        crowded = variances * (1.0 + near.sum(axis=1))[:, None]
-        updated = _updated(covariances, slopes, crowded)
-        between = np.array([rival.spread for rival in rivals])
-        left = (telling * confused) @ between / len(beliefs)
-        expected = np.sqrt(np.trace(updated, axis1=2, axis2=3).mean(axis=1) + left)
-        best = int(np.argmin(expected))
-        now = np.trace(covariances, axis1=1, axis2=2).mean() + confused @ between / len(beliefs)
-        before = float(np.sqrt(now))
-        found.append(Suggestion(places[best], before, float(expected[best]), float(view[best])))
-        covariances = updated[best]
-        confused = confused * telling[best]
+        updated = _updated(covariances, slopes, variances * (1.0 + near.sum(axis=1))[:, None])
+        before = float(_expected_error(covariances, confused, spreads))
+        after = _expected_error(updated, telling * confused, spreads)
+        best = int(np.argmin(after))
+        found.append(Suggestion(places[best], before, float(after[best]), float(view[best])))
+        covariances, confused = updated[best], confused * telling[best]
         stations = np.vstack([stations, places[best]])
     return tuple(found)
+
+
+def _expected_error(
+    covariances: FloatArray, confused: FloatArray, spreads: FloatArray
+) -> FloatArray:
+    """(...) m, root mean square over the anchors, of covariances (..., A, 2, 2) and doubts (..., R)."""
+    variances = np.trace(covariances, axis1=-2, axis2=-1)
+    doubt = confused @ spreads / variances.shape[-1]
+    return np.asarray(np.sqrt(variances.mean(axis=-1) + doubt))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +101,30 @@ class _Rival:
     """m, of the anchor above the tag."""
     spread: float
     """m^2, what this doubt adds to the anchor's variance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Belief:
+    """What is known of the place of one anchor."""
+
+    mean: Vector2
+    covariance: Matrix2
+    rise: float
+    """m, above the tag."""
+    rivals: tuple[_Rival, ...]
+
+
+def _beliefs(solution: Solution) -> list[_Belief]:
+    """Of the anchors whose height is known and that anybody heard."""
+    tags = list(solution.tag_heights.values())
+    level = float(np.mean(tags)) if tags else 0.0
+    found = []
+    for anchor in solution.anchors:
+        belief = _belief(anchor) or _ring_belief(anchor, solution)
+        if belief is not None and anchor.height is not None:
+            rise = anchor.height - level
+            found.append(_Belief(*belief, rise, tuple(_rivals(anchor, rise))))
+    return found
 
 
 def _places_of(anchor: AnchorEstimate) -> tuple[Points, FloatArray]:
@@ -121,20 +149,11 @@ def _belief(anchor: AnchorEstimate) -> tuple[Vector2, Matrix2] | None:
     return share @ places, np.asarray(covariance) + 1e-8 * np.eye(2)
 
 
-def _rivals(
-    solution: Solution, sought: list[tuple[Vector2, Matrix2] | None], heights: FloatArray
-) -> list[_Rival]:
-    tags = list(solution.tag_heights.values())
-    level = float(np.mean(tags)) if tags else 0.0
-    known = [a for a, belief in zip(solution.anchors, sought, strict=True) if belief is not None]
-    found = []
-    for anchor, height in zip(known, heights, strict=True):
-        places, share = _places_of(anchor)
-        for i, j in combinations(range(len(places)), 2):
-            apart = float(np.sum((places[i] - places[j]) ** 2))
-            spread = float(share[i] * share[j]) * apart
-            found.append(_Rival(places[i], places[j], float(height) - level, spread))
-    return found
+def _rivals(anchor: AnchorEstimate, rise: float) -> Iterator[_Rival]:
+    places, share = _places_of(anchor)
+    for i, j in combinations(range(len(places)), 2):
+        apart = float(np.sum((places[i] - places[j]) ** 2))
+        yield _Rival(places[i], places[j], rise, float(share[i] * share[j]) * apart)
 
 
 def _telling(
@@ -178,10 +197,8 @@ def _ring_belief(anchor: AnchorEstimate, solution: Solution) -> tuple[Vector2, M
     return mean, (away * share[:, None]).T @ away + _RING_SIGMA_M**2 * np.eye(2)
 
 
-def _slopes(places: Points, means: Points, heights: FloatArray, solution: Solution) -> FloatArray:
-    """(N, A, 2) change of the slant range from each place with the anchor's place."""
-    tags = list(solution.tag_heights.values())
-    rise = heights - (float(np.mean(tags)) if tags else 0.0)
+def _slopes(places: Points, means: Points, rise: FloatArray) -> FloatArray:
+    """(N, A, 2) change of the slant range from each place with the place of an anchor (A,) m above the tag."""
     away = means[None] - places[:, None]
     slant = np.sqrt((away**2).sum(axis=2) + rise**2)
     return np.asarray(away / np.maximum(slant, 1e-6)[:, :, None])

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from ..model.geometry import FloatArray, Points
-from ..model.solution import FloorMap
+from ..model.solution import OCCUPIED_ABOVE, FloorMap
 
-_FREE, _OCCUPIED = 0.35, 0.65
 _RAYS = 90
 _MOST_PLACES = 2000
 """More are thinned evenly: time and memory."""
@@ -21,7 +20,7 @@ def free_places(floor_map: FloorMap, spacing: float, clearance: float) -> Points
     """(N, 2) m, a grid of places in the known free space, at least `clearance` m from anything else."""
     if not floor_map.occupancy.size:
         return np.empty((0, 2))
-    free = np.nan_to_num(floor_map.occupancy, nan=1.0) < _FREE
+    free = floor_map.free
     # Padded, since the map's border is unknown too.
     room = distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * floor_map.resolution
     step = max(1, round(spacing / floor_map.resolution))
@@ -40,27 +39,27 @@ def known_view(floor_map: FloorMap, places: Points, reach: float) -> FloatArray:
     Such a scan overlaps what other stations saw; one that ends in the unknown does not.
     """
     bearings = 2.0 * math.pi * np.arange(_RAYS) / _RAYS
-    way = np.column_stack([np.cos(bearings), np.sin(bearings)])
-    at = np.repeat(places[:, None, :], _RAYS, axis=1)
-    going = np.ones(at.shape[:2], dtype=np.bool_)
-    ended = np.zeros_like(going)
+    step = floor_map.resolution * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    ended = np.zeros(len(places) * _RAYS, dtype=np.bool_)
+    # Only the rays that still go on are followed: most end long before `reach`.
+    ray = np.arange(len(ended))
+    at = np.repeat(places, _RAYS, axis=0)
     for _ in range(int(reach / floor_map.resolution)):
-        at = at + floor_map.resolution * way
-        value = _occupancy_at(floor_map, at)
-        ended |= going & (value > _OCCUPIED)
-        going &= value < _OCCUPIED
-        if not going.any():
-            break
-    return np.asarray(ended.mean(axis=1))
+        at = at + step[ray % _RAYS]
+        wall, known = _cells_at(floor_map, at)
+        ended[ray[wall]] = True
+        ray, at = ray[known & ~wall], at[known & ~wall]
+    return np.asarray(ended.reshape(-1, _RAYS).mean(axis=1))
 
 
-def _occupancy_at(floor_map: FloorMap, places: FloatArray) -> FloatArray:
-    """(...) occupancy at places (..., 2) m; NaN beyond the map."""
+def _cells_at(floor_map: FloorMap, places: Points) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(N,) whether the cells at (N, 2) m are occupied, and whether they were seen; beyond the map neither."""
     cells = np.floor((places - np.array(floor_map.origin)) / floor_map.resolution).astype(np.int64)
     height, width = floor_map.occupancy.shape
-    inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < [width, height]), axis=-1)
-    column, row = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
-    return np.where(inside, floor_map.occupancy[row, column], np.nan)
+    inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < [width, height]), axis=1)
+    column, row = np.where(inside[:, None], cells, 0).T
+    value = floor_map.occupancy[row, column]
+    return inside & (value > OCCUPIED_ABOVE), inside & ~np.isnan(value)
 
 
 def walls_between(ends: FloatArray, starts: Points, targets: Points) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Points
-from ..model.tag import Epoch, PowerLaw
+from ..model.tag import Epoch, PowerLaw, ReceivedPower, TimeDifference
 from .anchors import AnchorPlaces
 
 _NEAREST_M = 0.1
@@ -59,31 +59,16 @@ def measurement_of(
     Differences that share an anchor share its error: their covariance is that of independent
     arrivals, not of independent differences.
     """
-    differences = [
-        item
-        for item in epoch.differences
-        if math.isfinite(item.difference)
-        and item.anchor_a in anchors
-        and item.anchor_b in anchors
-        and item.anchor_a != item.anchor_b
-    ]
-    powers = [
-        item
-        for item in epoch.powers
-        if power_law is not None and math.isfinite(item.power) and item.anchor in anchors
-    ]
+    differences = _usable_differences(epoch, anchors)
+    powers = _usable_powers(epoch, anchors) if power_law is not None else []
     names = [name for item in differences for name in (item.anchor_a, item.anchor_b)]
     rows = {name: k for k, name in enumerate(dict.fromkeys([*names, *(p.anchor for p in powers)]))}
     pairs = np.array(
         [(rows[item.anchor_a], rows[item.anchor_b]) for item in differences], dtype=np.int64
     ).reshape(-1, 2)
     count = len(pairs)
-    incidence = np.zeros((count, len(rows)))
-    incidence[np.arange(count), pairs[:, 0]] = 1.0
-    incidence[np.arange(count), pairs[:, 1]] = -1.0
     covariance = np.zeros((count + len(powers),) * 2)
-    shared = incidence @ incidence.T + _OWN_SHARE**2 * np.eye(count)
-    covariance[:count, :count] = arrival_sigma**2 * shared
+    covariance[:count, :count] = arrival_sigma**2 * _shared(pairs, len(rows))
     if power_law is not None:
         covariance[count:, count:] = power_law.sigma**2 * np.eye(len(powers))
     return Measurement(
@@ -95,3 +80,27 @@ def measurement_of(
         tag_height=tag_height,
         power_law=power_law,
     )
+
+
+def _usable_differences(epoch: Epoch, anchors: AnchorPlaces) -> list[TimeDifference]:
+    return [
+        item
+        for item in epoch.differences
+        if math.isfinite(item.difference)
+        and item.anchor_a in anchors
+        and item.anchor_b in anchors
+        and item.anchor_a != item.anchor_b
+    ]
+
+
+def _usable_powers(epoch: Epoch, anchors: AnchorPlaces) -> list[ReceivedPower]:
+    return [item for item in epoch.powers if math.isfinite(item.power) and item.anchor in anchors]
+
+
+def _shared(pairs: NDArray[np.int64], anchors: int) -> FloatArray:
+    """(D, D) covariance of the differences (D, 2) of arrivals at `anchors` with variance one."""
+    each = np.arange(len(pairs))
+    incidence = np.zeros((len(pairs), anchors))
+    incidence[each, pairs[:, 0]] = 1.0
+    incidence[each, pairs[:, 1]] = -1.0
+    return np.asarray(incidence @ incidence.T + _OWN_SHARE**2 * np.eye(len(pairs)))

@@ -81,22 +81,33 @@ def track_tag(
     times = np.array([epoch.time for epoch in epochs])
     if np.any(np.diff(times) < 0.0):
         raise ValueError("the epochs are not in the order of time")
-    count = len(epochs)
-    states, covariances = np.full((count, 4), np.nan), np.full((count, 4, 4), np.nan)
-    used = np.zeros(count, dtype=np.int64)
+    measured = [
+        measurement_of(epoch, anchors, tag_height, power_law, settings.arrival_sigma_m)
+        for epoch in epochs
+    ]
+    used = np.array([len(seen.values) for seen in measured], dtype=np.int64)
     everywhere = np.array(list(anchors.values())).reshape(-1, 3)
+    return Track(times, *_filtered(times, measured, everywhere, settings), used)
+
+
+def _filtered(
+    times: FloatArray,
+    measured: Sequence[Measurement],
+    everywhere: FloatArray,
+    settings: PositioningSettings,
+) -> tuple[FloatArray, FloatArray]:
+    """States (E, 4) and their covariances (E, 4, 4), NaN before the first epoch with a value."""
+    states, covariances = np.full((len(times), 4), np.nan), np.full((len(times), 4, 4), np.nan)
     tracker: UnscentedKalmanFilter | None = None
-    for k, epoch in enumerate(epochs):
-        seen = measurement_of(epoch, anchors, tag_height, power_law, settings.arrival_sigma_m)
-        used[k] = len(seen.values)
-        if tracker is None:
-            if not len(seen.values):
-                continue
+    for k, seen in enumerate(measured):
+        if tracker is not None:
+            _step(tracker, float(times[k] - times[k - 1]), seen, settings)
+        elif len(seen.values):
             tracker = _start(seen, everywhere, settings)
         else:
-            _step(tracker, float(times[k] - times[k - 1]), seen, settings)
+            continue
         states[k], covariances[k] = tracker.x, tracker.P
-    return Track(times, states, covariances, used)
+    return states, covariances
 
 
 def _start(

@@ -76,4 +76,4 @@ def _draw_distributions(axes: Axes, rows: Sequence[MethodResult]) -> None:
     axes.grid(alpha=0.3)
     axes.tick_params(labelsize=8)
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(fontsize=8, loc="lower right")
+        axes.legend(fontsize=8, loc="upper left")

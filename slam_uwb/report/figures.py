@@ -60,33 +60,36 @@ def draw_solution(
     stations, anchors = station_estimates(solution), anchor_estimates(solution)
     truth = _true_anchors(reference, evaluation)
     low, high = _view(solution.floor_map, stations, anchors, truth.values())
-    figure = Figure(figsize=_size(high - low), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    axes.set_facecolor(str(_UNKNOWN))
+    figure, axes = _empty_picture(low, high)
     if solution.floor_map is not None and solution.floor_map.occupancy.size:
         draw_floor_map(axes, solution.floor_map)
     ticks = heading_ticks(stations, length=0.022 * float(np.max(high - low)))
     draw_reference(axes, anchors, truth)
-    draw_alternatives(axes, stations, STATION)
-    draw_alternatives(axes, anchors, ANCHOR)
-    draw_ellipses(axes, stations, STATION)
-    draw_ellipses(axes, anchors, ANCHOR)
     draw_headings(axes, ticks)
-    draw_places(axes, stations, STATION)
-    draw_places(axes, anchors, ANCHOR)
+    for draw in (draw_alternatives, draw_ellipses, draw_places):
+        draw(axes, stations, STATION)
+        draw(axes, anchors, ANCHOR)
     # A survey's name is anybody's text: a dollar sign in it is no formula.
     axes.set_title(_title(solution, evaluation), fontsize=11, parse_math=False)
     axes.set_xlabel("\n".join(["x / m", *_notes([*stations, *anchors], low, high)]), fontsize=9)
-    axes.set_ylabel("y / m", fontsize=9)
-    axes.tick_params(labelsize=8)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(nbins=12, steps=[1, 2, 5, 10]))
     if axes.get_legend_handles_labels()[1]:
         figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     obstacles = [*truth.values(), *(tip for _, tip in ticks)]
     place_labels(axes, _labels(stations, anchors, evaluation, truth), obstacles)
     return figure
+
+
+def _empty_picture(low: Points, high: Points) -> tuple[Figure, Axes]:
+    """A figure with equal axes in metres from the lower left to the upper right corner."""
+    figure = Figure(figsize=_size(high - low), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_facecolor(str(_UNKNOWN))
+    axes.set_ylabel("y / m", fontsize=9)
+    axes.tick_params(labelsize=8)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=12, steps=[1, 2, 5, 10]))
+    return figure, axes
 
 
 def figure_png(figure: Figure) -> bytes:
@@ -131,7 +134,8 @@ def _view(
     items = [*stations, *anchors]
     sure = [i.position for i in items if i.position is not None and i.status is Status.OK]
     unsure = [i.position for i in items if i.position is not None and i.status is not Status.OK]
-    seen = [*sure, *truth, *_seen_corners(floor_map)] or unsure or [np.zeros(2)]
+    corners = () if floor_map is None else floor_map.seen_corners
+    seen = [*sure, *truth, *corners] or unsure or [np.zeros(2)]
     low, high = np.min(seen, axis=0), np.max(seen, axis=0)
     # An anchor of weak geometry may lie hundreds of metres off; the map must not shrink to a dot for it.
     reach = 0.5 * float(np.max(high - low)) + 1.0
@@ -139,17 +143,6 @@ def _view(
     low, high = np.min([low, *near], axis=0), np.max([high, *near], axis=0)
     margin = 0.4 + 0.03 * float(np.max(high - low))
     return low - margin, high + margin
-
-
-def _seen_corners(floor_map: FloorMap | None) -> list[Points]:
-    """Corners of the part of the map that is not unknown."""
-    if floor_map is None:
-        return []
-    rows, columns = np.nonzero(~np.isnan(floor_map.occupancy))
-    if not len(rows):
-        return []
-    cells = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
-    return list(np.asarray(floor_map.origin) + cells * floor_map.resolution)
 
 
 def _size(extent: Points) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import hashlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..model.solution import Solution
 from ..planning import suggest_stations
@@ -19,6 +19,9 @@ from .page_map import build_page_map
 from .page_tables import page_tables
 from .trust import judge_anchors
 from .verdict import Level, judge_solution
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _PLACES = 3
@@ -54,7 +57,6 @@ def draw_report(solution: Solution) -> str:
     Returns:
         One page with its style, its script and the floor map inside.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     anchors = judge_anchors(solution)
@@ -63,29 +65,39 @@ def draw_report(solution: Solution) -> str:
     style, script = (
         (_TEMPLATES / name).read_text(encoding="utf-8") for name in ("report.css", "report.js")
     )
-    environment = Environment(
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            solution=solution,
+            verdict=verdict,
+            sign=_SIGN[verdict.level],
+            tone=_CLASS[verdict.level],
+            map=build_page_map(solution, anchors, places),
+            layers=LAYERS,
+            tables=page_tables(solution, anchors),
+            places=places,
+            facts=tuple(solver_facts(solution)),
+            changed=tuple(changed_settings(solution)),
+            # The package's own files, and the only text that is not escaped.
+            style=Markup(style),  # noqa: S704
+            script=Markup(script),  # noqa: S704
+            style_hash=_hash(style),
+            script_hash=_hash(script),
+        )
+    )
+
+
+def _environment() -> Environment:
+    """Where every name is escaped, and one that the template misspells is an error."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-    )
-    return environment.get_template("report.html").render(
-        solution=solution,
-        verdict=verdict,
-        sign=_SIGN[verdict.level],
-        tone=_CLASS[verdict.level],
-        map=build_page_map(solution, anchors, places),
-        layers=LAYERS,
-        tables=page_tables(solution, anchors),
-        places=places,
-        facts=tuple(solver_facts(solution)),
-        changed=tuple(changed_settings(solution)),
-        # The package's own files, and the only text that is not escaped.
-        style=Markup(style),  # noqa: S704
-        script=Markup(script),  # noqa: S704
-        style_hash=_hash(style),
-        script_hash=_hash(script),
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..evaluate.estimates import Estimate, anchor_estimates, station_estimates
-from ..model.geometry import FloatArray, Vector2
+from ..model.geometry import FloatArray
 from ..model.products import LinkMeasurement
 from ..model.solution import FloorMap, Solution, Status
 from ..planning import Suggestion
@@ -89,23 +89,12 @@ def _view(
 ) -> tuple[float, float, float, float]:
     """What is sure fills the map; an anchor hundreds of metres off must not shrink it to a dot."""
     sure = [i.position for i in items if i.position is not None and i.status is Status.OK]
-    corners = [*sure, *_seen(floor_map)]
+    corners = [*sure, *(() if floor_map is None else floor_map.seen_corners)]
     corners = corners or [i.position for i in items if i.position is not None] or [np.zeros(2)]
     low, high = np.min(corners, axis=0) - _MARGIN_M, np.max(corners, axis=0) + _MARGIN_M
     x, y = to_picture(np.array([low[0], high[1]]))
     width, height = (high - low) * UNITS_A_METRE
     return x, y, round(float(width), 2), round(float(height), 2)
-
-
-def _seen(floor_map: FloorMap | None) -> list[Vector2]:
-    """Lower left and upper right corner of what is not unknown, m."""
-    if floor_map is None:
-        return []
-    rows, columns = np.nonzero(~np.isnan(floor_map.occupancy))
-    if not len(rows):
-        return []
-    cells = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
-    return list(np.asarray(floor_map.origin) + cells * floor_map.resolution)
 
 
 def _station_mark(item: Estimate) -> Mark:

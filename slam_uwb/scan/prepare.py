@@ -128,21 +128,7 @@ def _normals(
     if count == 0:
         return np.zeros((0, 2)), np.zeros(0)
     radius = np.maximum(settings.normal_radius_m, 2.5 * ranges * math.radians(settings.bin_deg))
-    offsets = points[None, :, :] - points[:, None, :]
-    part_of = np.full(count, -1)
-    for index, part in enumerate(parts):
-        part_of[part] = index
-    same = part_of[:, None] == part_of[None, :]
-    close = np.einsum("ijk,ijk->ij", offsets, offsets) <= (radius**2)[:, None]
-    near = (close & same).astype(np.float64)
-    k = near.sum(axis=1)
-    mean = np.einsum("ij,ijk->ik", near, offsets) / k[:, None]
-    xx = np.einsum("ij,ij->i", near, offsets[:, :, 0] ** 2) - k * mean[:, 0] ** 2
-    yy = np.einsum("ij,ij->i", near, offsets[:, :, 1] ** 2) - k * mean[:, 1] ** 2
-    xy = (
-        np.einsum("ij,ij->i", near, offsets[:, :, 0] * offsets[:, :, 1])
-        - k * mean[:, 0] * mean[:, 1]
-    )
+    k, xx, yy, xy = _scatters(points, radius, parts)
     # Closed-form eigenvalues of the 2 x 2 scatter; the normal belongs to the smaller.
     half_gap = np.hypot(0.5 * (xx - yy), xy)
     large = 0.5 * (xx + yy) + half_gap
@@ -155,6 +141,26 @@ def _normals(
     variance[enough] = np.maximum(small[enough] / (k[enough] - 2.0), noise**2) / large[enough]
     normals[~enough] = 0.0
     return normals, variance
+
+
+def _scatters(
+    points: Points, radius: FloatArray, parts: list[np.ndarray]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """(N,) each: number of the points near a point on its part, itself included, and their scatter xx, yy, xy."""
+    offsets = points[None, :, :] - points[:, None, :]
+    part_of = np.full(len(points), -1)
+    for index, part in enumerate(parts):
+        part_of[part] = index
+    same = part_of[:, None] == part_of[None, :]
+    close = np.einsum("ijk,ijk->ij", offsets, offsets) <= (radius**2)[:, None]
+    near = (close & same).astype(np.float64)
+    k = near.sum(axis=1)
+    x, y = offsets[:, :, 0], offsets[:, :, 1]
+    mean_x, mean_y = np.einsum("ijk,ij->ki", offsets, near) / k
+    xx = np.einsum("ij,ij->i", near, x**2) - k * mean_x**2
+    yy = np.einsum("ij,ij->i", near, y**2) - k * mean_y**2
+    xy = np.einsum("ij,ij->i", near, x * y) - k * mean_x * mean_y
+    return k, xx, yy, xy
 
 
 def _arc_lengths(points: Points, cap: float) -> FloatArray:

@@ -85,19 +85,11 @@ def build_polygon_plan(
     """
     rooms = tuple(_room(corners, tuple(loop.split("-")), inner / 2) for loop in loops)
     sides = [side for room in rooms for side in room.sides]
-    openings = {_either_way(name): _opening(corners, name, *doors[name], inner) for name in doors}
-    if outside := [name for name in doors if {name, _reverse(name)} - set(sides)]:
-        raise ValueError(f"doors {outside} do not lead from one room to another")
-    faces = [
-        _pierced(room.face(side), openings.get(_either_way(side)))
-        for room in rooms
-        for side in room.sides
-    ]
-    lines = [
-        _pierced(_centre_line(corners, side), openings.get(_either_way(side)))
-        for k, side in enumerate(sides)
-        if _reverse(side) not in sides[:k]
-    ]
+    openings = _openings(corners, doors, sides, inner)
+    opening_of = {side: openings.get(_either_way(side)) for side in sides}
+    faces = [_pierced(room.face(side), opening_of[side]) for room in rooms for side in room.sides]
+    walls = [side for k, side in enumerate(sides) if _reverse(side) not in sides[:k]]
+    lines = [_pierced(_centre_line(corners, side), opening_of[side]) for side in walls]
     frames = np.array([_edges(opening) for opening in openings.values()]).reshape(-1, 4, 2, 2)
     jambs, lintels = (frames[:, k::2].reshape(-1, 2, 2) for k in (1, 0))
     shell = _offset(_around(corners, sides), inner / 2 - OUTER)
@@ -133,6 +125,16 @@ def _face(start: Vector2, end: Vector2) -> Face:
 def _centre_line(corners: Corners, side: str) -> Face:
     start, end = (np.asarray(corners[name]) for name in side.split("-"))
     return _face(start, end)
+
+
+def _openings(
+    corners: Corners, doors: Doors, sides: Sequence[str], inner: float
+) -> dict[frozenset[str], Points]:
+    """(4, 2) m round each door, in the order of the doors; ValueError where one leads outside."""
+    found = {_either_way(name): _opening(corners, name, *doors[name], inner) for name in doors}
+    if outside := [name for name in doors if {name, _reverse(name)} - set(sides)]:
+        raise ValueError(f"doors {outside} do not lead from one room to another")
+    return found
 
 
 def _opening(corners: Corners, side: str, share: float, width: float, inner: float) -> Points:

@@ -95,3 +95,9 @@ def test_the_survey_is_not_needed(run, survey, tmp_path):
     for words in (("report",), ("plan",), ("export", "--to", "dxf,g2o,pyfg,svg,geojson,ply")):
         command, *options = words
         assert run(command, tmp_path / "out", *options).returncode == 0
+
+
+def test_a_report_into_no_folder_names_the_folder(run, pristine_solution, tmp_path):
+    done = run("report", pristine_solution, "--to", tmp_path / "none" / "page.html")
+    assert done.returncode == 2
+    assert done.stderr == f"slam-uwb: {tmp_path / 'none'}: no such folder\n"

@@ -48,6 +48,19 @@ def test_without_a_truth_there_are_places_and_no_errors(run, office, tmp_path):
     assert "error" not in done.stdout
 
 
+def test_a_truth_in_another_frame_gives_no_errors(run, office, pristine_solution, tmp_path):
+    # Without the reference nothing says how the frame of station s01 lies in the tags'.
+    walk = office / "tags" / "walk"
+    done = run("position", walk, "--anchors", pristine_solution, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "frame of station s01; --reference DIR" in done.stderr
+    assert "located" in done.stdout
+    assert "error" not in done.stdout
+    # Anchors in the truth's own frame are compared with it, whoever wrote them.
+    done = run("position", walk, "--anchors", office / "survey" / "reference" / "anchors.csv")
+    assert (done.stderr, "error median" in done.stdout) == ("", True)
+
+
 def test_faults_end_with_2_and_their_line(run, office, tmp_path):
     recording = tmp_path / "static"
     shutil.copytree(office / "tags" / "static", recording)

@@ -37,6 +37,8 @@ def test_help_lists_every_command(run):
     assert done.returncode == 0
     listed = [line.split()[0] for line in done.stdout.split("Commands:\n")[1].splitlines() if line]
     assert listed == list(COMMANDS)
+    # Whole sentences: on 80 columns nothing is cut off.
+    assert "..." not in done.stdout.split("Commands:\n")[1]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -87,9 +87,11 @@ def test_refiners_reach_the_truth(room, refiner, step):
 
 
 def test_refiners_leave_their_starts_alone(room, refiner):
-    start = TRUTH.vector[None]
-    start.setflags(write=False)
-    REFINERS[refiner](room["a"], room["b"], start, SETTINGS)
+    start = (TRUTH @ Pose2(0.1, 0.1, 0.08)).vector[None]
+    before = start.copy()
+    refined = REFINERS[refiner](room["a"], room["b"], start, SETTINGS)
+    np.testing.assert_array_equal(start, before)
+    assert not np.shares_memory(refined.poses, start)
 
 
 @pytest.mark.parametrize("initialiser", INITIALISERS)
@@ -134,24 +136,28 @@ def test_scans_without_overlap_are_no_reason_to_move(odd_scans, refiner):
     np.testing.assert_allclose(poses, away)
 
 
-def demand_no_success_without_overlap(refine, target, source):
-    """Whatever way the scans are apart, one start or several at once, the start is not given back as found."""
+def converged_without_overlap(refine, target, source):
+    """(6,) what a refiner says of three starts far beyond the walls, one at a time and all at once."""
     starts = np.array([[70.0, 0.0, 1.0], [-30.0, 5.0, -3.0], [0.0, 25.0, 0.0]])
-    for initial in (*starts[:, None], starts):
-        assert not refine(target, source, initial, SETTINGS).converged.any()
+    return np.concatenate(
+        [
+            refine(target, source, initial, SETTINGS).converged
+            for initial in (*starts[:, None], starts)
+        ]
+    )
 
 
-def test_the_start_is_not_returned_as_a_success(odd_scans, refiner):
-    for source in ("room", "elsewhere", "three points"):
-        demand_no_success_without_overlap(REFINERS[refiner], odd_scans["room"], odd_scans[source])
+@pytest.mark.parametrize("source", ["room", "elsewhere", "three points"])
+def test_the_start_is_not_returned_as_a_success(odd_scans, refiner, source):
+    converged = converged_without_overlap(REFINERS[refiner], odd_scans["room"], odd_scans[source])
+    assert not converged.any()
 
 
 def test_a_refiner_that_returns_its_start_as_a_success_would_be_seen(room):
     def idle(_target, _source, initial, _settings):
         return Refinement(initial, np.ones(len(initial), dtype=bool), None)
 
-    with pytest.raises(AssertionError):
-        demand_no_success_without_overlap(idle, room["a"], room["b"])
+    assert converged_without_overlap(idle, room["a"], room["b"]).tolist() == [True] * 6
 
 
 def test_refiners_tell_how_many_steps_they_took_where_they_know(room, refiner):

@@ -10,10 +10,10 @@ from end to end, with every anchor once, is believed.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from ..samples import Carry, Decoded, RangeEpoch, RangeReading, Tally, counted
-from .lines import split_lines
+from ..samples import Carry, Decoded, RangeEpoch, RangeReading
+from .lines import decode_lines
 
 _NUMBER = r"-?\d{1,6}\.\d{2}"
 _PLACE = rf"{_NUMBER},{_NUMBER},{_NUMBER}"
@@ -32,32 +32,10 @@ _LEC_LINE = re.compile(
 _REPORT = re.compile(r"le_us=|DIST,|[0-9A-Fa-f]{4}\[")
 _PROMPT = "dwm> "
 
-Parse = Callable[[str], RangeEpoch | None]
-
 
 def decode(data: bytes, carry: Carry, *, last: bool = False) -> Decoded[Sequence[RangeEpoch]]:
     """One chunk of the shell; echoes, prompts and other answers are passed over without being counted."""
     return decode_lines(data, carry, parse_report, _REPORT, last=last)
-
-
-def decode_lines(
-    data: bytes, carry: Carry, parse: Parse, report: re.Pattern[str], *, last: bool
-) -> Decoded[Sequence[RangeEpoch]]:
-    """As `decode`, for any device that reports an epoch a line.
-
-    Args:
-        data: any number of bytes.
-        carry: from the chunk before; `Carry()` for the first.
-        parse: a line -> its epoch, None where it is none.
-        report: occurs in what is meant to be a report: such a line is counted where it cannot be read.
-        last: nothing follows.
-    """
-    lines = split_lines(carry, data, last=last)
-    parsed = [(line, parse(line)) for line in lines.texts]
-    epochs = tuple(epoch for _, epoch in parsed if epoch is not None)
-    garbled = sum(epoch is None and report.search(line) is not None for line, epoch in parsed)
-    tally = lines.tally + Tally(0, len(epochs), counted(garbled_lines=garbled))
-    return Decoded(epochs, tally, lines.carry)
 
 
 def parse_report(line: str) -> RangeEpoch | None:

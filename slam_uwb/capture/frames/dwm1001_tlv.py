@@ -18,7 +18,6 @@ _POSITION = b"\x41\x0d"
 _PREFIX = len(_OK) + 15
 _KINDS = {0x49: struct.Struct("<HIB13x"), 0x48: struct.Struct("<QIB")}
 """What a tag lists (address, mm, quality, and the anchor's own place) and what an anchor lists."""
-_MAX_ANSWER = _PREFIX + 2 + 255
 
 
 def decode(data: bytes, carry: Carry, *, last: bool = False) -> Decoded[Sequence[RangeEpoch]]:

@@ -62,35 +62,37 @@ def find_frames(framing: Framing, carry: Carry, data: bytes, *, last: bool = Fal
     runs = _runs(framing, stream)
     # Once for the chunk: a stream of nothing but losses must not be searched anew after each.
     believable = np.flatnonzero(runs >= framing.confirm)
-    starts: list[tuple[int, int]] = []
+    stretches: list[tuple[int, int]] = []
     breaks: list[int] = []
     position, locked, count, garbage, losses = 0, carry.locked, 0, 0, 0
     while position + framing.length <= len(raw):
-        if locked and runs[position]:
-            number = int(runs[position])
-            starts.append((position, number))
+        if locked and (number := int(runs[position])):
+            stretches.append((position, number))
             position, count = position + number * framing.length, count + number
             continue
-        if locked:
-            locked, losses = False, losses + 1
-        start, certain = _next_start(framing, runs, believable, position, last=last)
+        losses += locked
+        start, locked = _next_start(framing, runs, believable, position, last=last)
         garbage, position = garbage + start - position, start
-        if not certain:
+        if not locked:
             break
         breaks.append(count)
-        locked = True
     if last:
         garbage, position = garbage + len(raw) - position, len(raw)
-    frames = [
-        stream[start : start + number * framing.length].reshape(number, framing.length)
-        for start, number in starts
-    ]
     return Found(
-        np.concatenate(frames) if frames else np.empty((0, framing.length), dtype=np.uint8),
+        _cut_out(stream, stretches, framing.length),
         np.array(breaks, dtype=np.int64),
         Tally(len(data), count, counted(bytes_outside_frames=garbage, lost_sync=losses)),
         Carry(raw[position:], locked, carry.previous),
     )
+
+
+def _cut_out(stream: Bytes, stretches: list[tuple[int, int]], length: int) -> Bytes:
+    """(F, length) frames of stretches, each with its start and its number of frames."""
+    frames = [
+        stream[start : start + number * length].reshape(number, length)
+        for start, number in stretches
+    ]
+    return np.concatenate([np.empty((0, length), dtype=np.uint8), *frames])
 
 
 def _runs(framing: Framing, stream: Bytes) -> NDArray[np.int64]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..samples import Carry, Tally, counted
+from ..samples import Carry, Decoded, RangeEpoch, Tally, counted
+
+Parse = Callable[[str], RangeEpoch | None]
 
 MAX_LINE = 2_000
 """Bytes; the longest line of any device here has some hundreds."""
@@ -44,3 +47,23 @@ def split_lines(carry: Carry, data: bytes, *, last: bool = False) -> Lines:
         rest, skipping, overlong = b"", True, overlong + 1
     tally = Tally(len(data), 0, counted(overlong_lines=overlong, lines_of_other_bytes=foreign))
     return Lines(tuple(texts), tally, Carry(rest, skipping))
+
+
+def decode_lines(
+    data: bytes, carry: Carry, parse: Parse, report: re.Pattern[str], *, last: bool
+) -> Decoded[Sequence[RangeEpoch]]:
+    """One chunk of a device that reports an epoch a line.
+
+    Args:
+        data: any number of bytes.
+        carry: from the chunk before; `Carry()` for the first.
+        parse: a line -> its epoch, None where it is none.
+        report: occurs in what is meant to be a report: such a line is counted where it cannot be read.
+        last: nothing follows.
+    """
+    lines = split_lines(carry, data, last=last)
+    parsed = [(line, parse(line)) for line in lines.texts]
+    epochs = tuple(epoch for _, epoch in parsed if epoch is not None)
+    garbled = sum(epoch is None and report.search(line) is not None for line, epoch in parsed)
+    tally = lines.tally + Tally(0, len(epochs), counted(garbled_lines=garbled))
+    return Decoded(epochs, tally, lines.carry)

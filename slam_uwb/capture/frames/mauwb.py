@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from ..samples import Carry, Decoded, RangeEpoch, RangeReading
-from .dwm1001 import decode_lines
+from .lines import decode_lines
 
 _NUMBERS = r"\((-?\d{1,6}(?:\.\d{1,2})?(?:,-?\d{1,6}(?:\.\d{1,2})?){7})\)"
 _LINE = re.compile(

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 
 from ..samples import Carry, Decoded, RangeEpoch, RangeReading
-from .dwm1001 import decode_lines
+from .lines import decode_lines
 
 _LINE = re.compile(
     r"m([ca]) ([0-9a-f]{2})((?: [0-9a-f]{8}){1,8}) ([0-9a-f]{4}) ([0-9a-f]{2}) ([0-9a-f]{7,8}) "

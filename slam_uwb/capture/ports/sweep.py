@@ -47,10 +47,6 @@ def _begin(port: Port) -> None:
     _check_receipt(port, "DS", receipt[2:5])
 
 
-def _end(port: Port) -> None:
-    _stop_stream(port)
-
-
 def _rest(port: Port) -> None:
     _stop_stream(port)
     try:
@@ -144,7 +140,7 @@ SWEEP = Device(
     decode=frames.decode,
     prepare=_prepare,
     begin=_begin,
-    end=_end,
+    end=_stop_stream,
     rest=_rest,
     usb=((0x0403, 0x6015),),
     first_s=2.0,

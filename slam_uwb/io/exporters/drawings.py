@@ -34,6 +34,9 @@ def dxf_plan(solution: Solution) -> dict[str, bytes]:
         for name, colour in LAYERS.items():
             document.layers.add(name, color=colour)
         _draw_dxf(document.modelspace(), solution)
+        # The library declares them in the order of a set, which differs from process to process.
+        for dxf_type in sorted(document.entitydb.dxf_types_in_use()):
+            document.classes.add_class(dxf_type)
         stream = io.StringIO()
         document.write(stream)
     finally:

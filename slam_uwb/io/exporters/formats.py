@@ -24,17 +24,21 @@ def ros_map_server(solution: Solution) -> dict[str, bytes]:
     return {"map.pgm": picture, "map.yaml": yaml}
 
 
-EXPORTERS: dict[str, Exporter] = {
+ANCHOR_EXPORTERS: dict[str, Exporter] = {
     "bitcraze": anchors_bitcraze,
     "csv": anchors_csv,
     "dwm1001": anchors_dwm1001,
+    "json": anchors_json,
+    "pozyx": anchors_pozyx,
+}
+"""For positioning systems, which get trusted anchors only."""
+EXPORTERS: dict[str, Exporter] = {
+    **ANCHOR_EXPORTERS,
     "dxf": dxf_plan,
     "g2o": g2o_graph,
     "geojson": geojson_plan,
-    "json": anchors_json,
     "pcd": pcd_cloud,
     "ply": ply_cloud,
-    "pozyx": anchors_pozyx,
     "pyfg": pyfg_graph,
     "ros": ros_map_server,
     "svg": svg_plan,
@@ -51,6 +55,8 @@ def export_solution(solution: Solution, formats: Iterable[str]) -> dict[str, byt
     files: dict[str, bytes] = {}
     for name in formats:
         if name not in EXPORTERS:
-            raise SlamUwbError(f"--to {name}: no such format; there are {', '.join(EXPORTERS)}")
+            raise SlamUwbError(
+                f"--to {name}: no such format; there are {', '.join(sorted(EXPORTERS))}"
+            )
         files |= EXPORTERS[name](solution)
     return files

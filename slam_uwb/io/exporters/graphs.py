@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ...model.products import LinkMeasurement
 from ...model.solution import Solution
 from ..csv_text import table
+from ..tum import poses_to_tum
 
 
 def g2o_graph(solution: Solution) -> dict[str, bytes]:
@@ -68,14 +69,13 @@ def pyfg_graph(solution: Solution) -> dict[str, bytes]:
 
 
 def tum_stations(solution: Solution) -> dict[str, bytes]:
-    """stations.tum: `time tx ty tz qx qy qz qw`; time is the station's number in the survey."""
-    lines = [
-        f"{number} {_row(s.pose.translation)} 0 0 0 "
-        f"{_row([math.sin(s.pose.theta / 2.0), math.cos(s.pose.theta / 2.0)])}"
-        for number, s in enumerate(solution.stations)
-        if s.pose is not None and s.heading_known
-    ]
-    return {"stations.tum": _text(lines)}
+    """stations.tum: the stations whose pose is known, whatever their status, by their numbers."""
+    poses = {
+        number: station.pose
+        for number, station in enumerate(solution.stations)
+        if station.pose is not None and station.heading_known
+    }
+    return {"stations.tum": poses_to_tum(poses).encode()}
 
 
 def _numbers(solution: Solution) -> tuple[dict[str, int], dict[str, int]]:

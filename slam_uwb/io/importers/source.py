@@ -15,12 +15,14 @@ from ..tables import MAX_LINE_CHARACTERS
 _NUMBER = re.compile(
     r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf|nan)", re.ASCII | re.IGNORECASE
 )
+_ENDING = re.compile(
+    r"\.(?:gz|csv|txt|log|clf|bag|db3|mcap|pcd|ply|las|laz|e57)(?=\.|$)", re.IGNORECASE
+)
 
 
 def station_name(path: Path) -> str:
     """The identifier of the station that a file is of: its name up to the first known ending."""
-    name = re.sub(r"\.(gz|csv|txt|log|clf|bag|db3|mcap|pcd|ply|las|laz|e57)", "", path.name.lower())
-    stem = path.name[: len(name)] if path.name.lower().startswith(name) else name
+    stem = _ENDING.split(path.name, maxsplit=1)[0]
     if re.match(IDENTIFIER, stem) is None or not stem[0].isalnum():
         raise SlamUwbError(
             f"{path.name}: the file's name is its station's: expected A-Z a-z 0-9 _ . -, a letter first"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gzip
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slam_uwb.io.importers import ImportOptions, import_survey
+from slam_uwb.io.importers.source import station_name
 from slam_uwb.model.errors import SlamUwbError, SurveyFormatError
 
 OPTIONS = ImportOptions("test", tag_height=1.4)
@@ -106,8 +108,7 @@ LES = "022E[7.94,8.03,0.00]=3.38 9280[7.95,0.00,0.00]=5.49 le_us=3082 est[6.97,5
 
 
 def test_ranges_beside_scans(file):
-    from slam_uwb.capture.frames import dwm1001, trek1000
-    from slam_uwb.cli.import_survey import _readings
+    from slam_uwb.cli.import_survey import line_parsers
 
     scan = file("s01.csv", "angle_deg,range_m\n0,1\n")
     log = file(
@@ -118,10 +119,7 @@ def test_ranges_beside_scans(file):
         "test",
         tag_height=1.4,
         heights={"022E": 2.4},
-        parsers={
-            "dwm1001-log": _readings(dwm1001.find_report),
-            "trek1000-log": _readings(trek1000.find_report),
-        },
+        parsers=line_parsers(),
     )
     survey, _ = import_survey(
         "csv", [scan], [("dwm1001-log", log), ("trek1000-log", trek)], options
@@ -293,3 +291,14 @@ def test_no_bag(file):
     pytest.importorskip("rosbags")
     with pytest.raises(SurveyFormatError, match=r"s01\.bag: no bag"):
         imported("bag", file("s01.bag", "nonsense"))
+
+
+@pytest.mark.parametrize(
+    ("file", "station"),
+    [
+        ("s01.csv", "s01"), ("S01.CSV.gz", "S01"), ("hall.north.log", "hall.north"),
+        ("s.logs", "s.logs"), ("a_1", "a_1"),
+    ],
+)  # fmt: skip
+def test_a_station_is_named_as_its_file_up_to_the_known_ending(file, station):
+    assert station_name(Path("folder") / file) == station
