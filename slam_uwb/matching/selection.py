@@ -12,20 +12,15 @@ from ..model.survey import StationId
 from .ambiguity import Rival, ambiguous_stations, undecided_stations
 from .hypotheses import leave_free_directions, rematch_pairs
 from .index import ScanIndex
+from .merging import RangeGain, no_ranges
 from .pairs import Pair
-from .placement import RangeGain, no_ranges, place_stations
+from .placement import place_stations
 
 Adjust = Callable[[Mapping[StationId, Pose2], Sequence[ScanMatch]], dict[StationId, Pose2]]
 """Moves a placement to where its matches agree best: a pose graph, which another step brings."""
 
-_SAME_M, _SAME_RAD = (
-    0.25,
-    0.1,
-)  # a hypothesis this close to the used match is the same one, less refined
-
-
-_SETTLING = 2
-"""What a free direction still pulls shrinks by two orders of magnitude each time."""
+_SAME_M, _SAME_RAD = 0.25, 0.1  # of the used match: the hypothesis that it came from, less refined
+_SETTLING = 2  # what a free direction still pulls shrinks by two orders of magnitude each time
 
 
 @dataclass(frozen=True, slots=True, eq=False)

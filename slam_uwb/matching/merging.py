@@ -1,0 +1,175 @@
+"""Two blocks of stations: the ways to merge them, and by how much one of them is the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.geometry import FloatArray, Pose2
+from ..model.products import ScanMatch
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .batch import compose
+from .evidence import STRIDE, Block, crossing, merge_gains
+from .index import ScanIndex
+from .refiners.point_to_line import correspondences, damped_step, limited
+
+_SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
+_DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
+_CANDIDATES = 10
+_ENOUGH_M = 8.0  # of wall, beyond which a fit tells of equal rooms as much as of the same room
+_HOPELESS_M = 40.0  # of wall looked through: centimetres of settling cannot mend it
+_LONGEST_STEP_M = 0.2
+
+RangeGain = Callable[[Mapping[StationId, Pose2], Mapping[StationId, Pose2], FloatArray], FloatArray]
+"""(a_T_station, b_T_station, candidates a_T_b (K, 3)) -> (K,) log likelihood ratio of the ranges."""
+
+Touching = Mapping[StationId, Sequence[ScanMatch]]
+"""All hypotheses that touch each station."""
+
+
+def no_ranges(
+    _a: Mapping[StationId, Pose2], _b: Mapping[StationId, Pose2], candidates: FloatArray
+) -> FloatArray:
+    """Ranges that say nothing."""
+    return np.zeros(len(candidates))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Merge:
+    """The best way to merge two blocks, and by how much it is the best."""
+
+    a_T_b: FloatArray
+    """(3,)"""
+    margin: float
+    """By how much its evidence exceeds that of every other way, to leave the blocks apart included."""
+    priority: float
+    """The same with walls counting no more than `_ENOUGH_M`: beyond, the ranges decide which merge
+    comes first."""
+
+
+def best_merge(
+    a: Block,
+    b: Block,
+    scans: Mapping[StationId, ScanIndex],
+    touching: Touching,
+    settings: MatchingSettings,
+    range_gain: RangeGain,
+    *,
+    apart: float = 0.0,
+) -> Merge | None:
+    """The best relative pose of two blocks; None where no hypothesis joins them by a margin.
+
+    To leave the blocks apart is a rival too, with the gain `apart`, m.
+    """
+    candidates = merge_candidates(a, b, touching)
+    if not len(candidates):
+        return None
+    candidates, gains = aligned_gains(a, b, candidates, scans, settings)
+    # What the walls deny, no range can save: ranges choose among what the walls allow.
+    allowed = gains >= apart + settings.min_margin_m
+    if not allowed.any():
+        return None
+    candidates = candidates[allowed]
+    ranges = settings.range_weight_m * range_gain(a.poses, b.poses, candidates)
+    gains = gains[allowed] + ranges
+    best = int(np.argmax(gains))
+    rivals = gains[distant(candidates, candidates[best], _DISTINCT_M, _DISTINCT_RAD)]
+    margin = float(gains[best] - rivals.max(initial=apart))
+    if margin < settings.min_margin_m:
+        return None
+    walls = margin - float(ranges[best])
+    return Merge(candidates[best], margin, min(walls, _ENOUGH_M) + float(ranges[best]))
+
+
+def distant(
+    poses: FloatArray, pose: FloatArray, metres: float, radians: float
+) -> NDArray[np.bool_]:
+    """(K,) which of the poses (K, 3) are another place than `pose` (3,), not the same one less refined."""
+    away = np.hypot(*(poses[:, :2] - pose[:2]).T)
+    turned = np.abs(np.remainder(poses[:, 2] - pose[2] + np.pi, 2.0 * np.pi) - np.pi)
+    return np.asarray((away > metres) | (turned > radians))
+
+
+def touching_stations(hypotheses: Sequence[ScanMatch]) -> Touching:
+    """The hypotheses by station, each under both of its own."""
+    touching: dict[StationId, list[ScanMatch]] = {}
+    for match in hypotheses:
+        touching.setdefault(match.target, []).append(match)
+        touching.setdefault(match.source, []).append(match)
+    return touching
+
+
+def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
+    """(K, 3) distinct a_T_b by the hypotheses between their stations, those with most support first."""
+    poses, scores = [], []
+    smaller, other = (a.poses, b.poses) if len(a.poses) < len(b.poses) else (b.poses, a.poses)
+    for station in smaller:
+        for match in touching.get(station, ()):
+            if (match.source if match.target == station else match.target) not in other:
+                continue
+            if match.target in a.poses:
+                a_T_target, b_T_source = a.poses[match.target], b.poses[match.source]
+                a_T_b = a_T_target @ match.target_T_source @ b_T_source.inverse()
+            else:
+                a_T_source, b_T_target = a.poses[match.source], b.poses[match.target]
+                a_T_b = a_T_source @ match.target_T_source.inverse() @ b_T_target.inverse()
+            poses.append(a_T_b.vector)
+            scores.append(match.score)
+    if not poses:
+        return np.zeros((0, 3))
+    stack, score = np.array(poses), np.array(scores)
+    # Compare where the blocks' stations come to lie, not the origins: a turn moves distant
+    # stations.
+    centre = np.mean([pose.translation for pose in b.poses.values()], axis=0)
+    place = compose(stack, np.tile([*centre, 0.0], (len(stack), 1)))
+    near = np.hypot(*(place[:, None, :2] - place[None, :, :2]).transpose(2, 0, 1)) < _SAME_M
+    near &= (
+        np.abs(np.remainder(place[:, None, 2] - place[None, :, 2] + np.pi, 2 * np.pi) - np.pi)
+        < _SAME_RAD
+    )
+    support = near @ np.maximum(score, 0.1)
+    chosen: list[int] = []
+    free = np.ones(len(stack), dtype=bool)
+    for index in np.lexsort((np.arange(len(stack)), -score, -np.round(support, 9))):
+        if free[index] and len(chosen) < _CANDIDATES:
+            chosen.append(int(index))
+            free &= ~near[index]
+    return stack[chosen]
+
+
+def aligned_gains(
+    a: Block,
+    b: Block,
+    candidates: FloatArray,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> tuple[FloatArray, FloatArray]:
+    """Candidates a_T_b (J, 3) that the walls do not rule out, settled on each other, and their gains (J,)."""
+    gains = merge_gains(a, b, candidates, scans, settings)
+    candidates = align_blocks(a, b, candidates[gains > -_HOPELESS_M], scans)
+    return candidates, merge_gains(a, b, candidates, scans, settings)
+
+
+def align_blocks(
+    a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
+) -> FloatArray:
+    """Let the walls of both blocks settle on each other: point-to-line steps over all their scans at once."""
+    for gate in (0.4, 0.2):
+        hessian = np.zeros((len(candidates), 3, 3))
+        gradient = np.zeros((len(candidates), 3))
+        for pair in crossing(a, b, candidates, scans):
+            residual, jacobian, weight = correspondences(
+                scans[pair.i], scans[pair.j], pair.i_T_j, gate=gate, stride=STRIDE
+            )
+            weight = weight / (1.0 + (residual / (0.3 * gate)) ** 2)
+            weighted = np.swapaxes(jacobian, 1, 2) * weight[:, None, :]
+            # A motion of the block is one of each of its stations in that station's axes.
+            adjoint = pair.b_T_j.inverse().adjoint()
+            hessian[pair.near] += adjoint.T @ (weighted @ jacobian) @ adjoint
+            gradient[pair.near] += (weighted @ residual[:, :, None])[:, :, 0] @ adjoint
+        candidates = compose(candidates, limited(damped_step(hessian, gradient), _LONGEST_STEP_M))
+    return candidates
