@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import combinations
 from typing import Protocol
 
@@ -181,20 +181,16 @@ def _second_look(
     Small errors add up within a block as it grows, and two large ones then deny each other's walls
     a little at the right place too.
     """
-    parts = {
-        number: block for number, block in blocks.items() if len(block.poses) >= _PART_STATIONS
-    }
+    parts = [number for number, block in blocks.items() if len(block.poses) >= _PART_STATIONS]
+    settled = cache(lambda part: _settled(blocks[part], scans, settings, settle))
+    evidence = partial(total_evidence, scans=scans, settings=settings)
     for pair in combinations(parts, 2):
-        a, b = (_settled(parts[part], scans, settings, settle) for part in pair)
+        a, b = (settled(part) for part in pair)
         merge = best(a, b, apart=-_DRIFT_M - settings.min_margin_m)
         if merge is None:
             continue
         merged = _settled(merge_blocks(a, b, merge.a_T_b, scans, settings), scans, settings, settle)
-        gain = sum(
-            sign * total_evidence(block, scans, settings)
-            for sign, block in ((1.0, merged), (-1.0, a), (-1.0, b))
-        )
-        if gain >= settings.min_margin_m:
+        if evidence(merged) - evidence(a) - evidence(b) >= settings.min_margin_m:
             return pair, merged
     return None
 
