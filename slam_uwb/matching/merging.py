@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..model.geometry import FloatArray, Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .batch import compose
+from .batch import compose, first_of_each, near, wrapped
 from .evidence import STRIDE, Block, crossing, merge_gains
 from .index import ScanIndex
 from .refiners.point_to_line import correspondences, damped_step, limited
@@ -20,6 +20,7 @@ from .refiners.point_to_line import correspondences, damped_step, limited
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
 _CANDIDATES = 10
+_LEAST_SUPPORT_M = 0.1  # of wall, that a hypothesis of next to no evidence still brings
 _ENOUGH_M = 8.0  # of wall, beyond which a fit tells of equal rooms as much as of the same room
 _HOPELESS_M = 40.0  # of wall looked through: centimetres of settling cannot mend it
 _LONGEST_STEP_M = 0.2
@@ -90,7 +91,7 @@ def distant(
 ) -> NDArray[np.bool_]:
     """(K,) which of the poses (K, 3) are another place than `pose` (3,), not the same one less refined."""
     away = np.hypot(*(poses[:, :2] - pose[:2]).T)
-    turned = np.abs(np.remainder(poses[:, 2] - pose[2] + np.pi, 2.0 * np.pi) - np.pi)
+    turned = np.abs(wrapped(poses[:, 2] - pose[2]))
     return np.asarray((away > metres) | (turned > radians))
 
 
@@ -105,40 +106,33 @@ def touching_stations(hypotheses: Sequence[ScanMatch]) -> Touching:
 
 def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
     """(K, 3) distinct a_T_b by the hypotheses between their stations, those with most support first."""
-    poses, scores = [], []
+    joining = tuple(_joining(a, b, touching))
+    if not joining:
+        return np.zeros((0, 3))
+    poses = np.array([a_T_b.vector for a_T_b, _ in joining])
+    score = np.array([score for _, score in joining])
+    # Compare where the blocks' stations come to lie, not the origins: a turn moves distant
+    # stations.
+    centre = np.mean([pose.translation for pose in b.poses.values()], axis=0)
+    places = compose(poses, np.tile([*centre, 0.0], (len(poses), 1)))
+    same = near(places, _SAME_M, _SAME_RAD)
+    support = same @ np.maximum(score, _LEAST_SUPPORT_M)
+    order = np.lexsort((-score, -np.round(support, 9)))
+    return poses[first_of_each(order, same, _CANDIDATES)]
+
+
+def _joining(a: Block, b: Block, touching: Touching) -> Iterator[tuple[Pose2, float]]:
+    """a_T_b by each hypothesis between their stations, and its score."""
     smaller, other = (a.poses, b.poses) if len(a.poses) < len(b.poses) else (b.poses, a.poses)
     for station in smaller:
         for match in touching.get(station, ()):
             if (match.source if match.target == station else match.target) not in other:
                 continue
             if match.target in a.poses:
-                a_T_target, b_T_source = a.poses[match.target], b.poses[match.source]
-                a_T_b = a_T_target @ match.target_T_source @ b_T_source.inverse()
+                i, j, i_T_j = match.target, match.source, match.target_T_source
             else:
-                a_T_source, b_T_target = a.poses[match.source], b.poses[match.target]
-                a_T_b = a_T_source @ match.target_T_source.inverse() @ b_T_target.inverse()
-            poses.append(a_T_b.vector)
-            scores.append(match.score)
-    if not poses:
-        return np.zeros((0, 3))
-    stack, score = np.array(poses), np.array(scores)
-    # Compare where the blocks' stations come to lie, not the origins: a turn moves distant
-    # stations.
-    centre = np.mean([pose.translation for pose in b.poses.values()], axis=0)
-    place = compose(stack, np.tile([*centre, 0.0], (len(stack), 1)))
-    near = np.hypot(*(place[:, None, :2] - place[None, :, :2]).transpose(2, 0, 1)) < _SAME_M
-    near &= (
-        np.abs(np.remainder(place[:, None, 2] - place[None, :, 2] + np.pi, 2 * np.pi) - np.pi)
-        < _SAME_RAD
-    )
-    support = near @ np.maximum(score, 0.1)
-    chosen: list[int] = []
-    free = np.ones(len(stack), dtype=bool)
-    for index in np.lexsort((np.arange(len(stack)), -score, -np.round(support, 9))):
-        if free[index] and len(chosen) < _CANDIDATES:
-            chosen.append(int(index))
-            free &= ~near[index]
-    return stack[chosen]
+                i, j, i_T_j = match.source, match.target, match.target_T_source.inverse()
+            yield a.poses[i] @ i_T_j @ b.poses[j].inverse(), match.score
 
 
 def aligned_gains(

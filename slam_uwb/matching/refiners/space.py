@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray, Points
 from ...model.settings import MatchingSettings
+from ..batch import wrapped
 from ..index import ScanIndex
 from .point_to_line import correspondences
 from .refinement import Refinement
@@ -54,7 +55,7 @@ def refine_in_space(
         answers[index] = end is not None
         poses[index] = starts[index] if end is None else end
     step = poses[answers] - starts[answers]
-    step[:, 2] = np.remainder(step[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+    step[:, 2] = wrapped(step[:, 2])
     moved = (np.abs(step) > _MOVED).any(axis=1)
     answers[answers] = moved & _has_partners(target, source, poses[answers], settings)
     return Refinement(poses, answers, None)
