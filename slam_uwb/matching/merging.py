@@ -15,7 +15,7 @@ from ..model.survey import StationId
 from .batch import compose, first_of_each, near, wrapped
 from .evidence import STRIDE, Block, crossing, merge_gains
 from .index import ScanIndex
-from .refiners.point_to_line import correspondences, damped_step, limited
+from .refiners.point_to_line import correspondences, damped_step, limited, normal_equations
 
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
@@ -156,14 +156,13 @@ def align_blocks(
         hessian = np.zeros((len(candidates), 3, 3))
         gradient = np.zeros((len(candidates), 3))
         for pair in crossing(a, b, candidates, scans):
-            residual, jacobian, weight = correspondences(
+            rows = correspondences(
                 scans[pair.i], scans[pair.j], pair.i_T_j, gate=gate, stride=STRIDE
             )
-            weight = weight / (1.0 + (residual / (0.3 * gate)) ** 2)
-            weighted = np.swapaxes(jacobian, 1, 2) * weight[:, None, :]
+            own_hessian, own_gradient = normal_equations(rows, 0.3 * gate)
             # A motion of the block is one of each of its stations in that station's axes.
             adjoint = pair.b_T_j.inverse().adjoint()
-            hessian[pair.near] += adjoint.T @ (weighted @ jacobian) @ adjoint
-            gradient[pair.near] += (weighted @ residual[:, :, None])[:, :, 0] @ adjoint
+            hessian[pair.near] += adjoint.T @ own_hessian @ adjoint
+            gradient[pair.near] += own_gradient @ adjoint
         candidates = compose(candidates, limited(damped_step(hessian, gradient), _LONGEST_STEP_M))
     return candidates
