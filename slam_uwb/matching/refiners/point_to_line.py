@@ -78,33 +78,35 @@ def polish(
     `until_still` goes on, with partners found exactly, until nothing moves: the result then does
     not depend on where in the basin it started.
     """
-    step, taken = np.full((len(poses), 3), np.inf), 0
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
-        # The scale shrinks step by step: at once, the many points of one wall would set it, and the
-        # few that hold the other direction would be outliers before they have settled. Later it
-        # may shrink faster: only exact scans still follow.
-        scale = _CAUCHY_M * _SHRINK ** (iteration + max(0, iteration - _STEPS))
+        scale = _fine_scale(iteration)
         poses, step, used_scale = _step(
-            target,
-            source,
-            poses,
-            gate=settings.fine_gate_m,
-            scale=scale,
-            stride=1,
-            both_ways=True,
+            target, source, poses, gate=settings.fine_gate_m, scale=scale, stride=1, both_ways=True,
             exact=until_still,
-        )
-        taken = iteration + 1
+        )  # fmt: skip
         # Still under a scale that is yet to shrink is not the end.
-        still = np.abs(step).max(axis=1, keepdims=True) < np.maximum(
-            _STILL, _STILL_SHARE * used_scale
-        )
-        if (still & (used_scale > scale)).all():
+        if (_are_still(step, used_scale) & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
     partners = partner_count(target, source, poses, settings.fine_gate_m)
     converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=1)
-    return Refinement(poses, converged, np.full(len(poses), taken))
+    return Refinement(poses, converged, np.full(len(poses), iteration + 1))
+
+
+def _fine_scale(iteration: int) -> float:
+    """Scale of the loss, m, below which it does not go at a step of the fine stage.
+
+    It shrinks step by step: at once, the many points of one wall would set it, and the few that
+    hold the other direction would be outliers before they have settled. Later it may shrink faster:
+    only exact scans still follow.
+    """
+    return _CAUCHY_M * _SHRINK ** (iteration + max(0, iteration - _STEPS))
+
+
+def _are_still(step: FloatArray, scale: FloatArray) -> NDArray[np.bool_]:
+    """(K, 1) whether a step (K, 3) is nothing, by the scale (K, 1) of the residuals."""
+    moved = np.abs(step).max(axis=1, keepdims=True)
+    return np.asarray(moved < np.maximum(_STILL, _STILL_SHARE * scale))
 
 
 def _step(
