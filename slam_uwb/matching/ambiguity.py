@@ -19,13 +19,7 @@ from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .evidence import STRIDE, Block, Seen, merge_gains, single_block
 from .index import ScanIndex, within_sight
-from .placement import (
-    RangeGain,
-    aligned_gains,
-    distant,
-    merge_candidates,
-    touching_stations,
-)
+from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
 from .score import point_evidence
 
 _ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known

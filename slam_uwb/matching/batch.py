@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 
@@ -45,16 +46,28 @@ def transform(poses: FloatArray, points: FloatArray) -> FloatArray:
     return np.stack([x, y], axis=-1)
 
 
+def wrapped(angles: FloatArray) -> FloatArray:
+    """The angles (...,) brought into [-pi, pi) rad."""
+    return np.asarray(np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def near(poses: FloatArray, metres: float, radians: float) -> NDArray[np.bool_]:
+    """(K, K) which of the poses are nearer to each other than both limits."""
+    x, y, theta = poses.T[:, :, None] - poses.T[:, None, :]
+    return np.asarray((np.hypot(x, y) < metres) & (np.abs(wrapped(theta)) < radians))
+
+
 def distinct(poses: FloatArray, score: FloatArray, count: int) -> list[int]:
     """Indices of up to `count` poses, the highest score first, leaving out those that equal a better one."""
-    away = np.hypot(poses[:, None, 0] - poses[None, :, 0], poses[:, None, 1] - poses[None, :, 1])
-    turned = np.abs(
-        np.remainder(poses[:, None, 2] - poses[None, :, 2] + np.pi, 2.0 * np.pi) - np.pi
-    )
-    same = (away < _SAME_M) & (turned < _SAME_RAD)
-    free = np.ones(len(poses), dtype=bool)
+    order = np.argsort(-score, kind="stable")
+    return first_of_each(order, near(poses, _SAME_M, _SAME_RAD), count)
+
+
+def first_of_each(order: NDArray[np.intp], same: NDArray[np.bool_], count: int) -> list[int]:
+    """Up to `count` indices in their order, leaving out those that are the same (K, K) as one before."""
+    free = np.ones(len(same), dtype=bool)
     kept: list[int] = []
-    for index in np.lexsort((np.arange(len(poses)), -score)):
+    for index in order:
         if free[index]:
             kept.append(int(index))
             free &= ~same[index]

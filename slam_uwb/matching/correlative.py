@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
+from .batch import first_of_each
 from .index import BLOCK, DIRECTIONS, ScanIndex, Spectra, correlation_grids, grid_size
 
 _DISTINCT_M = 0.3
@@ -43,10 +45,10 @@ def correlative_matches(
         contrast = np.concatenate([contrast, grids[:, 1]])
     spectrum = a.contrast[0] * occupied.conj() + a.occupied[0] * contrast.conj()
     maps = irfft2(spectrum, s=(size, size))
-    turn, row, column, value = _peaks(maps, 4 * settings.initial_matches)
+    turn, row, column = _peaks(maps, 4 * settings.initial_matches)
     signed = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
     shift = np.column_stack([signed[column], signed[row]])
-    keep = _distinct(shift, turn, value, settings.initial_matches)
+    keep = _distinct(shift, turn, settings.initial_matches)
     c, s = math.cos(target.turn), math.sin(target.turn)
     x, y = shift[keep].T
     theta = target.turn - source.turn + turns[turn[keep]]
@@ -70,8 +72,8 @@ def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
     return np.asarray(beyond[oblique][order][:_OBLIQUE])
 
 
-def _peaks(maps: FloatArray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, FloatArray]:
-    """Turn, row, column and value of the highest cells, at most one a block of cells, sorted by value.
+def _peaks(maps: FloatArray, count: int) -> tuple[NDArray[np.intp], ...]:
+    """Turn, row and column of the highest cells, at most one a block of cells, the highest first.
 
     One peak a block, so that a ridge along a wall does not take all places.
     """
@@ -83,21 +85,11 @@ def _peaks(maps: FloatArray, count: int) -> tuple[np.ndarray, np.ndarray, np.nda
     best = best[np.lexsort((best, -highest[best]))]
     turn, row, column = np.unravel_index(best, (turns, edge, edge))
     inside = np.argmax(blocks[turn, row, :, column].reshape(len(best), -1), axis=1)
-    return turn, row * BLOCK + inside // BLOCK, column * BLOCK + inside % BLOCK, highest[best]
+    return turn, row * BLOCK + inside // BLOCK, column * BLOCK + inside % BLOCK
 
 
-def _distinct(shift: FloatArray, turn: np.ndarray, value: FloatArray, count: int) -> list[int]:
-    """Indices of up to `count` peaks (sorted by value), none within 0.3 m of a higher one of the same turn."""
-    clash = (turn[:, None] == turn[None, :]) & (
-        np.hypot(shift[:, None, 0] - shift[None, :, 0], shift[:, None, 1] - shift[None, :, 1])
-        < _DISTINCT_M
-    )
-    free = np.isfinite(value)
-    kept: list[int] = []
-    for index in range(len(value)):
-        if free[index]:
-            kept.append(index)
-            free &= ~clash[index]
-            if len(kept) == count:
-                break
-    return kept
+def _distinct(shift: FloatArray, turn: NDArray[np.intp], count: int) -> list[int]:
+    """Indices of up to `count` peaks, the highest first, none within 0.3 m of a higher one of the same turn."""
+    x, y = shift.T[:, :, None] - shift.T[:, None, :]
+    same = (turn[:, None] == turn) & (np.hypot(x, y) < _DISTINCT_M)
+    return first_of_each(np.arange(len(shift)), same, count)

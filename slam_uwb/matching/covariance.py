@@ -111,17 +111,17 @@ def _both_ways(target: ScanIndex, source: ScanIndex, pose: Pose2, gate: float) -
     forth = correspondences(target, source, pose.vector[None, :], gate=gate)
     back = correspondences(source, target, inverse.vector[None, :], gate=gate)
     # d inverse(T) = -Ad(T) d in its axes.
-    jacobian = np.concatenate([forth[1][0].T, -pose.adjoint().T @ back[1][0].T], axis=1)
+    jacobian = np.concatenate([forth.jacobian[0].T, -pose.adjoint().T @ back.jacobian[0].T], axis=1)
     x, y = np.concatenate([source_points, target_here], axis=1)
     along = np.empty_like(jacobian)
     along[0], along[1] = -jacobian[1], jacobian[0]
     along[2] = jacobian[0] * x + jacobian[1] * y
     slopes = (target.scan.normal_variance, source.scan.normal_variance)
     return _Rows(
-        residual=np.concatenate([forth[0][0], back[0][0]]),
+        residual=np.concatenate([forth.residual[0], back.residual[0]]),
         jacobian=jacobian,
         along=along,
-        metres=np.concatenate([forth[2][0], back[2][0]]),
+        metres=np.concatenate([forth.weight[0], back.weight[0]]),
         slope_variance=np.concatenate([
             slopes[0].take(source_partner), slopes[1].take(target_partner)
         ]),

@@ -12,6 +12,7 @@ from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.solution import DecisionOutcome
 from ..model.survey import Decision, StationId
+from .agreement import placed, same_place
 from .hypotheses import describe_match
 from .index import ScanIndex
 from .pairs import Pair
@@ -22,7 +23,6 @@ _GUESS_SIGMA = np.array([0.1, 0.1, 0.05])
 """m, m, rad: of a fit by hand that the scans cannot improve."""
 _BASIN_M, _BASIN_RAD = 1.0, 0.35
 """A refined guess that ends further away is another place than the one guessed."""
-_SAME_M, _SAME_RAD = 0.25, 0.1
 _LOOKED_THROUGH = 0.05
 """Share of walls looked through from which on a pose is wrong; right ones of real flats have 0.003."""
 
@@ -58,16 +58,12 @@ def decide_pairs(
     firm = [_firm_match(d, hypotheses, scans, settings) for d in chosen if d.verdict != "drop"]
     matches = tuple(match for match in firm if match is not None)
     known = {frozenset(pair) for pair in pairs}
-    further = [(m.target, m.source) for m in matches if {m.target, m.source} not in known]
+    further = [(m.target, m.source) for m in matches if m.ends not in known]
     return DecidedPairs(
         pairs=(*(pair for pair in pairs if frozenset(pair) not in drops), *further),
-        hypotheses=tuple(h for h in hypotheses if frozenset((h.target, h.source)) not in drops),
+        hypotheses=tuple(h for h in hypotheses if h.ends not in drops),
         firm=matches,
-        dropped=tuple(
-            replace(h, rejection=DROPPED)
-            for h in hypotheses
-            if frozenset((h.target, h.source)) in drops
-        ),
+        dropped=tuple(replace(h, rejection=DROPPED) for h in hypotheses if h.ends in drops),
     )
 
 
@@ -105,13 +101,13 @@ def _firm_match(
     pose = decision.guess
     if target not in scans or source not in scans:
         return None
-    found = [h for h in hypotheses if {h.target, h.source} == {target, source}]
+    found = [h for h in hypotheses if h.ends == {target, source}]
     if found and found[0].target != target:
         # A pair is the same pair either way round.
         target, source = source, target
         pose = None if pose is None else pose.inverse()
     if decision.verdict == "keep":
-        near = [h for h in found if pose is None or _same(h.target_T_source, pose)]
+        near = [h for h in found if pose is None or same_place(h.target_T_source, pose)]
         if near or pose is None:
             return min(near, key=lambda h: h.rank, default=None)
     assert pose is not None  # noqa: S101 - a guess has one, and a kept pair came here with one
@@ -128,28 +124,20 @@ def _refined_guess(
         if (
             settled
             and match.score >= settings.min_evidence_m
-            and _same(match.target_T_source, guess, _BASIN_M, _BASIN_RAD)
+            and same_place(match.target_T_source, guess, _BASIN_M, _BASIN_RAD)
         ):
             return match
     by_hand = describe_match(target, source, guess.vector, 0, settings)
     return replace(by_hand, covariance=np.diag(_GUESS_SIGMA**2), degenerate=False)
 
 
-def _same(a: Pose2, b: Pose2, metres: float = _SAME_M, radians: float = _SAME_RAD) -> bool:
-    return a.distance_to(b) < metres and a.angle_to(b) < radians
-
-
 def _review_drop(
     decision: Decision, decided: DecidedPairs, placement: Mapping[StationId, Pose2]
 ) -> DecisionOutcome:
     ends = {decision.a, decision.b}
-    dropped = [h for h in decided.dropped if {h.target, h.source} == ends]
+    dropped = [h for h in decided.dropped if h.ends == ends]
     agreeing = [
-        h
-        for h in dropped
-        if h.target in placement
-        and h.source in placement
-        and _same(h.target_T_source, placement[h.target].inverse() @ placement[h.source])
+        h for h in dropped if same_place(h.target_T_source, placed(h.target, h.source, placement))
     ]
     if not dropped:
         return DecisionOutcome(decision, "nothing to drop: the pair had no match")
@@ -169,7 +157,7 @@ def _review_firm(
     settings: MatchingSettings,
 ) -> DecisionOutcome:
     ends = {decision.a, decision.b}
-    match = next((m for m in decided.firm if {m.target, m.source} == ends), None)
+    match = next((m for m in decided.firm if m.ends == ends), None)
     if match is None:
         return DecisionOutcome(
             decision, "not used", "no match was found that could be kept, or a scan is missing"
@@ -186,7 +174,7 @@ def _doubts(
         yield f"the scans look through {100.0 * match.violation:.0f} % of each other's walls there"
     elif match.score < settings.min_evidence_m:
         yield "the scans have no wall in common there"
-    placed = placement[match.target].inverse() @ placement[match.source]
-    if not _same(match.target_T_source, placed):
-        away = match.target_T_source.distance_to(placed)
+    elsewhere = placement[match.target].inverse() @ placement[match.source]
+    if not same_place(match.target_T_source, elsewhere):
+        away = match.target_T_source.distance_to(elsewhere)
         yield f"the other matches put it {away:.2f} m away"

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
-
-import numpy as np
+from collections.abc import Callable
 
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
-from ..model.survey import StationId
 from .batch import distinct
 from .correlative import correlative_matches
 from .covariance import match_covariance
-from .index import ScanIndex, within_sight
+from .index import ScanIndex
 from .landmark import closest_point_count, landmark_matches
 from .refiners import REFINERS
-from .refiners.point_to_line import polish
 from .score import score_matches
-
-_NEARLY = 0.8  # refining may add so much to the overlap
-_FREE_SIGMA = 0.05  # m and rad; a wall holds to centimetres or not at all
-_SAME_BASIN_RAD = 0.1  # a match that turns further has left the placement
 
 Initialiser = Callable[[ScanIndex, ScanIndex, MatchingSettings], FloatArray]
 
@@ -81,89 +70,3 @@ def describe_match(
         rank=rank,
         degenerate=degenerate,
     )
-
-
-def rematch_pairs(
-    scans: Mapping[StationId, ScanIndex],
-    placement: Mapping[StationId, Pose2],
-    pairs: Sequence[tuple[StationId, StationId]],
-    settings: MatchingSettings,
-    *,
-    until_still: bool = False,
-) -> tuple[ScanMatch, ...]:
-    """Matches of the pairs that overlap at a placement, refined once more from there.
-
-    A pair whose match leaves the placement by more than the fine gate, or that confirms less than
-    `min_evidence_m` of wall, says nothing. Pairs with less overlap than `min_overlap` are weaker
-    than what their neighbours bring: they are used only where no other pair joins their stations.
-    """
-    glances = [
-        _Glance(target, source, start, float(scores.confirmed[0]) / scores.total)
-        for target, source in pairs
-        if target in placement and source in placement
-        for start in [placement[target].inverse() @ placement[source]]
-        if within_sight(scans[target], scans[source], math.hypot(start.x, start.y))
-        for scores in [
-            score_matches(scans[target], scans[source], start.vector[None, :], settings, 3)
-        ]
-        if scores.confirmed[0] >= settings.min_evidence_m
-    ]
-    matches = []
-    for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap):
-        target, source, start = glance.target, glance.source, glance.start
-        refined = polish(
-            scans[target],
-            scans[source],
-            start.vector[None, :],
-            settings,
-            until_still=until_still,
-        )
-        match = describe_match(scans[target], scans[source], refined.poses[0], 0, settings)
-        match = leave_free_directions(match, start)
-        stayed = (
-            match.target_T_source.distance_to(start) < settings.fine_gate_m
-            and match.target_T_source.angle_to(start) < _SAME_BASIN_RAD
-        )
-        if refined.converged[0] and stayed and match.score >= settings.min_evidence_m:
-            matches.append(match)
-    return _strong_or_joining(matches, settings.min_overlap)
-
-
-@dataclass(frozen=True, slots=True)
-class _Glance:
-    """A pair at the placement, before it is refined."""
-
-    target: StationId
-    source: StationId
-    start: Pose2
-    """target_T_source."""
-    overlap: float
-
-
-def leave_free_directions(match: ScanMatch, start: Pose2) -> ScanMatch:
-    """The match with its pose as at `start` (target_T_source) in the directions that its walls leave free.
-
-    There the refiner follows whatever clutter happens to pair; all the other pairs that made the
-    placement know better (solution remapping, Zhang, Kaess and Singh 2016).
-    """
-    values, axes = np.linalg.eigh(match.covariance)
-    held = axes[:, values < _FREE_SIGMA**2]
-    step = (start.inverse() @ match.target_T_source).vector
-    return replace(match, target_T_source=start @ Pose2.from_vector(held @ (held.T @ step)))
-
-
-_Pair = TypeVar("_Pair", ScanMatch, _Glance)
-
-
-def _strong_or_joining(matches: Sequence[_Pair], min_overlap: float) -> tuple[_Pair, ...]:
-    """All matches with enough overlap, and of the others those that join groups, the best first."""
-    group: dict[StationId, int] = {}
-    used = set()
-    for index in sorted(range(len(matches)), key=lambda i: -matches[i].overlap):
-        match = matches[index]
-        a = group.setdefault(match.target, len(group))
-        b = group.setdefault(match.source, len(group))
-        if match.overlap >= min_overlap or a != b:
-            used.add(index)
-            group = {station: a if label == b else label for station, label in group.items()}
-    return tuple(match for index, match in enumerate(matches) if index in used)

@@ -36,7 +36,7 @@ def landmark_matches(
         closest_point_count(target, source, chunk, settings.closest_point_m)
         for chunk in np.array_split(poses, max(1, len(poses) // _CHUNK))
     ])  # fmt: skip
-    best = np.lexsort((np.arange(len(counts)), -counts))[: settings.initial_matches]
+    best = np.argsort(-counts, kind="stable")[: settings.initial_matches]
     chosen: FloatArray = poses[best]
     return chosen
 

@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Protocol
 
 from ..model.geometry import Pose2
 from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .ambiguity import Rival, ambiguous_stations, undecided_stations
-from .hypotheses import leave_free_directions, rematch_pairs
+from .evidence import Block
 from .index import ScanIndex
+from .merging import RangeGain, no_ranges
 from .pairs import Pair
-from .placement import RangeGain, no_ranges, place_stations
+from .placement import place_stations
+from .rejection import with_reasons
+from .rematching import leave_free_directions, rematch_pairs, with_firm, within
+from .spanning import in_first_frame, largest_group, spanning_placement
+
+_SETTLING = 2  # what a free direction still pulls shrinks by two orders of magnitude each time
 
 Adjust = Callable[[Mapping[StationId, Pose2], Sequence[ScanMatch]], dict[StationId, Pose2]]
 """Moves a placement to where its matches agree best: a pose graph, which another step brings."""
 
-_SAME_M, _SAME_RAD = (
-    0.25,
-    0.1,
-)  # a hypothesis this close to the used match is the same one, less refined
 
+class Rematch(Protocol):
+    """`rematch_pairs` for the scans and pairs at hand."""
 
-_SETTLING = 2
-"""What a free direction still pulls shrinks by two orders of magnitude each time."""
+    def __call__(
+        self, placement: Mapping[StationId, Pose2], /, *, until_still: bool = False
+    ) -> tuple[ScanMatch, ...]:
+        """Matches of all pairs that overlap at a placement."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,183 +70,102 @@ def select_matches(
     case.
     """
     if settings.placement == "sequence":
-        decided = {frozenset((match.target, match.source)) for match in firm}
-        best = [
-            h for h in hypotheses if h.rank == 0 and frozenset((h.target, h.source)) not in decided
-        ]
-        used = _with_firm(best, firm, scans)
-        placement = spanning_placement(tuple(scans), used)
-        used = tuple(match for match in used if match.source in placement)
-        return Selection(placement, used, _with_reasons(hypotheses, used, placement))
-
-    def rematch(
-        poses: Mapping[StationId, Pose2], *, until_still: bool = False
-    ) -> tuple[ScanMatch, ...]:
-        found = rematch_pairs(scans, poses, pairs, settings, until_still=until_still)
-        return _with_firm(found, firm, poses)
-
-    def settle(poses: Mapping[StationId, Pose2]) -> dict[StationId, Pose2]:
-        return adjust(poses, rematch(poses))
-
+        return _by_sequence(scans, hypotheses, firm)
+    rematch = partial(rematch_pairs, scans, pairs=pairs, settings=settings, firm=firm)
     blocks = place_stations(
-        scans, hypotheses, settings, firm=firm, range_gain=range_gain, settle=settle,
-        progress=progress,
+        scans, hypotheses, settings, firm=firm, range_gain=range_gain, progress=progress,
+        settle=lambda poses: adjust(poses, rematch(poses)),
     )  # fmt: skip
     if not blocks:
-        return Selection({}, (), _with_reasons(hypotheses, (), {}))
+        return Selection({}, (), with_reasons(hypotheses, (), {}))
+    block_T_station = blocks[0].poses
+    doubtful = _doubtful(blocks, scans, hypotheses, settings, range_gain, firm)
+    certain = {s: pose for s, pose in block_T_station.items() if s not in doubtful}
+    placement, used = _until_still(certain, rematch, adjust)
+    return Selection(
+        placement,
+        used,
+        with_reasons(hypotheses, used, placement),
+        _places(doubtful, block_T_station, placement),
+    )
+
+
+def _by_sequence(
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    firm: Sequence[ScanMatch],
+) -> Selection:
+    """The best match of every pair, whatever the others say (paper, Algorithm 1)."""
+    decided = {match.ends for match in firm}
+    best = [h for h in hypotheses if h.rank == 0 and h.ends not in decided]
+    used = with_firm(best, firm, scans)
+    placement = spanning_placement(tuple(scans), used)
+    used = within(placement, used)
+    return Selection(placement, used, with_reasons(hypotheses, used, placement))
+
+
+def _doubtful(
+    blocks: Sequence[Block],
+    scans: Mapping[StationId, ScanIndex],
+    hypotheses: Sequence[ScanMatch],
+    settings: MatchingSettings,
+    range_gain: RangeGain,
+    firm: Sequence[ScanMatch],
+) -> dict[StationId, Rival | None]:
+    """Stations of the largest block that may not stand where they do, with their best other place.
+
+    Where the whole map is in doubt these are all of them, those without another place too.
+    """
     rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain)
     # Where somebody said how a station stands to another, it has no other place.
-    decided_stations = {station for match in firm for station in (match.target, match.source)}
-    rivals = {s: rival for s, rival in rivals.items() if s not in decided_stations}
-    if undecided_stations(blocks, scans, hypotheses, settings) >= len(blocks[0].poses):
-        placement, aliased = {}, blocks[0].poses.keys() - rivals
-    else:
-        placement = {s: pose for s, pose in blocks[0].poses.items() if s not in rivals}
-        aliased = set()
+    decided = {station for match in firm for station in match.ends}
+    doubtful: dict[StationId, Rival | None] = {
+        station: rival for station, rival in rivals.items() if station not in decided
+    }
+    stations = blocks[0].poses.keys()
+    if undecided_stations(blocks, scans, hypotheses, settings) < len(stations):
+        return doubtful
+    return doubtful | dict.fromkeys(sorted(stations - doubtful.keys()))
+
+
+def _until_still(
+    placement: Mapping[StationId, Pose2], rematch: Rematch, adjust: Adjust
+) -> tuple[dict[StationId, Pose2], tuple[ScanMatch, ...]]:
+    """A placement refined over all its overlapping pairs until nothing moves, and their matches.
+
+    Matching again and moving the stations by turns; what then no longer connects is left out.
+    """
     used = rematch(placement)
     for last in (False, True):
         placement = adjust(placement, used)
         used = rematch(placement, until_still=last)
-    placement = _largest_group(placement, used)
-    used = tuple(match for match in used if match.target in placement and match.source in placement)
+    placement = largest_group(placement, used)
+    used = within(placement, used)
     for _ in range(_SETTLING):
         placement = adjust(placement, used)
         used = tuple(
             leave_free_directions(m, placement[m.target].inverse() @ placement[m.source])
             for m in used
         )
-    placement = _in_first_frame(placement, {station: k for k, station in enumerate(placement)})
-    return Selection(
-        placement,
-        used,
-        _with_reasons(hypotheses, used, placement),
-        _places(rivals, blocks[0].poses, placement) | dict.fromkeys(sorted(aliased), ()),
-    )
-
-
-def _with_firm(
-    matches: Sequence[ScanMatch], firm: Sequence[ScanMatch], stations: Container[StationId]
-) -> tuple[ScanMatch, ...]:
-    """The matches, and the firm ones between these stations whose pair is not among them."""
-    there = {frozenset((match.target, match.source)) for match in matches}
-    missing = [
-        replace(match, rejection=None)
-        for match in firm
-        if match.target in stations
-        and match.source in stations
-        and frozenset((match.target, match.source)) not in there
-    ]
-    return (*matches, *missing)
+    return in_first_frame(placement), used
 
 
 def _places(
-    rivals: Mapping[StationId, Rival],
+    doubtful: Mapping[StationId, Rival | None],
     block_T_station: Mapping[StationId, Pose2],
     placement: Mapping[StationId, Pose2],
 ) -> dict[StationId, tuple[tuple[Pose2, float], ...]]:
-    """Both places of every ambiguous station in the frame of the placement (of the block, if there is none)."""
+    """Both places of every doubtful station in the frame of the placement (of the block, if there is none)."""
     first = next(iter(placement), None)
     world_T_block = (
         Pose2.identity() if first is None else placement[first] @ block_T_station[first].inverse()
     )
-    return {
-        station: (
-            (world_T_block @ block_T_station[station], rival.own / (rival.own + rival.evidence)),
-            (world_T_block @ rival.pose, rival.evidence / (rival.own + rival.evidence)),
+
+    def both(station: StationId, rival: Rival) -> tuple[tuple[Pose2, float], ...]:
+        places = (block_T_station[station], rival.own), (rival.pose, rival.evidence)
+        return tuple(
+            (world_T_block @ pose, evidence / (rival.own + rival.evidence))
+            for pose, evidence in places
         )
-        for station, rival in rivals.items()
-    }
 
-
-def spanning_placement(
-    stations: Sequence[StationId], matches: Sequence[ScanMatch]
-) -> dict[StationId, Pose2]:
-    """Poses of the largest group of stations that the matches connect, along the maximum-score spanning tree.
-
-    The frame is that of the group's first station in the order given.
-    """
-    order = {station: index for index, station in enumerate(stations)}
-    group = {station: {station: Pose2.identity()} for station in stations}
-    for match in sorted(
-        matches, key=lambda match: (-match.score, order[match.target], order[match.source])
-    ):
-        a, b = group[match.target], group[match.source]
-        if a is b:
-            continue
-        a_T_b = a[match.target] @ match.target_T_source @ b[match.source].inverse()
-        a.update({station: a_T_b @ pose for station, pose in b.items()})
-        group.update(dict.fromkeys(b, a))
-    return _in_first_frame(
-        max(
-            group.values(),
-            key=lambda poses: (len(poses), -min(order[s] for s in poses)),
-            default={},
-        ),
-        order,
-    )
-
-
-def _largest_group(
-    placement: Mapping[StationId, Pose2], used: Sequence[ScanMatch]
-) -> dict[StationId, Pose2]:
-    """The largest group of stations of a placement that the used matches still connect."""
-    stations = tuple(placement)
-    connected = spanning_placement(stations, used) if stations else {}
-    order = {station: index for index, station in enumerate(stations)}
-    return _in_first_frame({station: placement[station] for station in connected}, order)
-
-
-def _in_first_frame(
-    poses: Mapping[StationId, Pose2], order: Mapping[StationId, int]
-) -> dict[StationId, Pose2]:
-    stations = sorted(poses, key=order.__getitem__)
-    first_T_world = poses[stations[0]].inverse() if stations else Pose2.identity()
-    return {station: first_T_world @ poses[station] for station in stations}
-
-
-def _with_reasons(
-    hypotheses: Sequence[ScanMatch], used: Sequence[ScanMatch], placement: Mapping[StationId, Pose2]
-) -> tuple[ScanMatch, ...]:
-    """All hypotheses pair by pair; the used match takes the place and rank of the hypothesis that it came from."""
-    by_pair: dict[Pair, list[ScanMatch]] = {}
-    for match in hypotheses:
-        by_pair.setdefault((match.target, match.source), []).append(match)
-    chosen = {(match.target, match.source): match for match in used}
-    pairs = [*by_pair, *(pair for pair in chosen if pair not in by_pair)]
-    return tuple(
-        row
-        for pair in pairs
-        for row in _pair_rows(by_pair.get(pair, []), chosen.get(pair), placement)
-    )
-
-
-def _pair_rows(
-    found: Sequence[ScanMatch], used: ScanMatch | None, placement: Mapping[StationId, Pose2]
-) -> list[ScanMatch]:
-    origin = None
-    if used is not None:
-        # A used match may come from no hypothesis: the placement brought the scans together.
-        origin = next(
-            (h.rank for h in found if _same(h.target_T_source, used.target_T_source)), len(found)
-        )
-    rows = [
-        replace(h, rejection=_reason(h, used, placement)) for h in found if h.rank != origin
-    ] + ([replace(used, rank=origin)] if used is not None and origin is not None else [])
-    return sorted(rows, key=lambda match: match.rank)
-
-
-def _same(a: Pose2, b: Pose2) -> bool:
-    return a.distance_to(b) < _SAME_M and a.angle_to(b) < _SAME_RAD
-
-
-def _reason(
-    hypothesis: ScanMatch, used: ScanMatch | None, placement: Mapping[StationId, Pose2]
-) -> str:
-    missing = [s for s in (hypothesis.target, hypothesis.source) if s not in placement]
-    if missing:
-        return f"{missing[0]} is not placed"
-    if used is not None:
-        return "another hypothesis of the pair is used"
-    placed = placement[hypothesis.target].inverse() @ placement[hypothesis.source]
-    near = _same(hypothesis.target_T_source, placed)
-    return "too little overlap" if near else "disagrees with the merged map"
+    return {s: () if rival is None else both(s, rival) for s, rival in doubtful.items()}

@@ -88,6 +88,11 @@ class ScanMatch:
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", frozen_array(self.covariance, (3, 3), "covariance"))
 
+    @property
+    def ends(self) -> frozenset[StationId]:
+        """Both stations, whichever was fitted to which."""
+        return frozenset((self.target, self.source))
+
 
 @dataclass(frozen=True, slots=True)
 class LinkMeasurement:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
@@ -76,34 +78,35 @@ def polish(
     `until_still` goes on, with partners found exactly, until nothing moves: the result then does
     not depend on where in the basin it started.
     """
-    step, taken = np.full((len(poses), 3), np.inf), 0
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
-        # The scale shrinks step by step: at once, the many points of one wall would set it, and the
-        # few that hold the other direction would be outliers before they have settled. Later it
-        # may shrink faster: only exact scans still follow.
-        scale = _CAUCHY_M * _SHRINK ** (iteration + max(0, iteration - _STEPS))
+        scale = _fine_scale(iteration)
         poses, step, used_scale = _step(
-            target,
-            source,
-            poses,
-            gate=settings.fine_gate_m,
-            scale=scale,
-            stride=1,
-            both_ways=True,
+            target, source, poses, gate=settings.fine_gate_m, scale=scale, stride=1, both_ways=True,
             exact=until_still,
-        )
-        taken = iteration + 1
+        )  # fmt: skip
         # Still under a scale that is yet to shrink is not the end.
-        still = np.abs(step).max(axis=1, keepdims=True) < np.maximum(
-            _STILL, _STILL_SHARE * used_scale
-        )
-        if (still & (used_scale > scale)).all():
+        if (_are_still(step, used_scale) & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
-    weight = correspondences(target, source, poses, gate=settings.fine_gate_m)[2]
-    paired = np.count_nonzero(weight, axis=1) >= _LEAST_PARTNERS
-    converged = paired & (np.abs(step) < _SETTLED).all(axis=1)
-    return Refinement(poses, converged, np.full(len(poses), taken))
+    partners = partner_count(target, source, poses, settings.fine_gate_m)
+    converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=1)
+    return Refinement(poses, converged, np.full(len(poses), iteration + 1))
+
+
+def _fine_scale(iteration: int) -> float:
+    """Scale of the loss, m, below which it does not go at a step of the fine stage.
+
+    It shrinks step by step: at once, the many points of one wall would set it, and the few that
+    hold the other direction would be outliers before they have settled. Later it may shrink faster:
+    only exact scans still follow.
+    """
+    return _CAUCHY_M * _SHRINK ** (iteration + max(0, iteration - _STEPS))
+
+
+def _are_still(step: FloatArray, scale: FloatArray) -> NDArray[np.bool_]:
+    """(K, 1) whether a step (K, 3) is nothing, by the scale (K, 1) of the residuals."""
+    moved = np.abs(step).max(axis=1, keepdims=True)
+    return np.asarray(moved < np.maximum(_STILL, _STILL_SHARE * scale))
 
 
 def _step(
@@ -124,11 +127,11 @@ def _step(
     loss_scale = np.full((len(poses), 1), scale)
     if back is not None:
         loss_scale = np.maximum(scale, _own_scale(forth, back))
-    hessian, gradient = _normal_equations(forth, loss_scale)
+    hessian, gradient = normal_equations(forth, loss_scale)
     if back is not None:
         # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
         adjoint = adjoints(poses)
-        back_hessian, back_gradient = _normal_equations(back, loss_scale)
+        back_hessian, back_gradient = normal_equations(back, loss_scale)
         transposed = np.swapaxes(adjoint, 1, 2)
         hessian = hessian + transposed @ back_hessian @ adjoint
         gradient = gradient - (transposed @ back_gradient[:, :, None])[:, :, 0]
@@ -136,14 +139,13 @@ def _step(
     return compose(poses, step), step, loss_scale
 
 
-def _normal_equations(
-    rows: Correspondences, loss_scale: FloatArray
+def normal_equations(
+    rows: Correspondences, loss_scale: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """Hessians (K, 3, 3) and gradients (K, 3) under a Cauchy loss of the given scales (K, 1)."""
-    residual, jacobian, weight = rows
-    weight = weight / (1.0 + (residual / loss_scale) ** 2)
-    weighted = np.swapaxes(jacobian, 1, 2) * weight[:, None, :]
-    return weighted @ jacobian, (weighted @ residual[:, :, None])[:, :, 0]
+    """Hessians (K, 3, 3) and gradients (K, 3) under a Cauchy loss, of one scale or scales (K, 1), m."""
+    weight = rows.weight / (1.0 + (rows.residual / loss_scale) ** 2)
+    weighted = np.swapaxes(rows.jacobian, 1, 2) * weight[:, None, :]
+    return weighted @ rows.jacobian, (weighted @ rows.residual[:, :, None])[:, :, 0]
 
 
 def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -163,8 +165,15 @@ def limited(steps: FloatArray, longest: float) -> FloatArray:
     return np.asarray(steps * np.minimum(1.0, longest / length)[:, None])
 
 
-Correspondences = tuple[FloatArray, FloatArray, FloatArray]
-"""Residuals (K, N) m, their derivatives (K, N, 3), and weights (K, N) in metres of wall."""
+class Correspondences(NamedTuple):
+    """N source points against the target's walls at K poses target_T_source."""
+
+    residual: FloatArray
+    """(K, N) m, along the target's normals."""
+    jacobian: FloatArray
+    """(K, N, 3) its derivatives by a motion (x, y, theta) in the source's axes."""
+    weight: FloatArray
+    """(K, N) m of wall; zero where no reliable wall that faces the same way lies within the gate."""
 
 
 def correspondences(
@@ -176,13 +185,7 @@ def correspondences(
     stride: int = 1,
     exact: bool = False,
 ) -> Correspondences:
-    """Source points against the target's walls for poses target_T_source (K, 3).
-
-    Returns:
-        Residuals (K, N) m along the target's normals, their derivatives (K, N, 3) by a motion (x,
-        y, theta) in the source's axes, and weights (K, N) in metres of wall, zero where no reliable
-        wall that faces the same way lies within `gate` metres.
-    """
+    """Every `stride`-th source point against the walls within `gate` metres at poses target_T_source (K, 3)."""
     pairing = pair_points(target, source, poses, stride=stride, exact=exact)
     points_x, points_y = source.columns[:2, ::stride]
     # Rows are kept component by component: products over the points run along memory.
@@ -193,13 +196,21 @@ def correspondences(
     close = (pairing.squared < gate * gate) & (pairing.facing > _SAME_FACE)
     close &= target.reliable.take(pairing.partner)
     weight = np.where(close, source.scan.lengths[::stride], 0.0)
-    return pairing.across, np.swapaxes(jacobian, 1, 2), weight
+    return Correspondences(pairing.across, np.swapaxes(jacobian, 1, 2), weight)
+
+
+def partner_count(
+    target: ScanIndex, source: ScanIndex, poses: FloatArray, gate: float
+) -> NDArray[np.intp]:
+    """(K,) points of the source within `gate` metres of a wall of the target that faces the same way."""
+    weight = correspondences(target, source, poses, gate=gate).weight
+    return np.asarray(np.count_nonzero(weight, axis=1))
 
 
 def _own_scale(forth: Correspondences, back: Correspondences) -> FloatArray:
     """(K, 1) Cauchy scale from the median absolute residual within the gate, at most the coarse one."""
     masked = np.concatenate(
-        [np.where(weight > 0.0, np.abs(residual), np.inf) for residual, _, weight in (forth, back)],
+        [np.where(rows.weight > 0.0, np.abs(rows.residual), np.inf) for rows in (forth, back)],
         axis=1,
     )
     masked.sort(axis=1)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray, Points
 from ...model.settings import MatchingSettings
+from ..batch import wrapped
 from ..index import ScanIndex
-from .point_to_line import correspondences
+from .point_to_line import partner_count
 from .refinement import Refinement
 
 Stage = Callable[[FloatArray], FloatArray]
@@ -54,7 +55,7 @@ def refine_in_space(
         answers[index] = end is not None
         poses[index] = starts[index] if end is None else end
     step = poses[answers] - starts[answers]
-    step[:, 2] = np.remainder(step[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+    step[:, 2] = wrapped(step[:, 2])
     moved = (np.abs(step) > _MOVED).any(axis=1)
     answers[answers] = moved & _has_partners(target, source, poses[answers], settings)
     return Refinement(poses, answers, None)
@@ -79,9 +80,8 @@ def _has_partners(
     target: ScanIndex, source: ScanIndex, poses: FloatArray, settings: MatchingSettings
 ) -> NDArray[np.bool_]:
     """(K,) whether enough points of the source lie near a wall of the target that faces the same way."""
-    _, _, weight = correspondences(target, source, poses, gate=settings.fine_gate_m)
+    partners = partner_count(target, source, poses, settings.fine_gate_m)
     smaller = min(len(target.scan.points), len(source.scan.points))
-    partners = np.count_nonzero(weight, axis=1)
     return np.asarray(partners >= max(_LEAST_PARTNERS, _LEAST_SHARE * smaller))
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from slam_uwb.matching.ambiguity import ambiguous_stations
-from slam_uwb.matching.placement import no_ranges, place_stations
+from slam_uwb.matching.merging import no_ranges
+from slam_uwb.matching.placement import place_stations
 
 
 def test_rooms_that_differ_leave_no_station_ambiguous(

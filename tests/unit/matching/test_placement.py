@@ -1,20 +1,14 @@
 import math
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from slam_uwb.matching.evidence import merge_blocks, single_block
-from slam_uwb.matching.hypotheses import describe_match, match_pair
-from slam_uwb.matching.placement import (
-    _best_merge,
-    _second_look,
-    no_ranges,
-    place_stations,
-    touching_stations,
-)
+from slam_uwb.matching.hypotheses import describe_match
+from slam_uwb.matching.merging import best_merge, no_ranges, touching_stations
+from slam_uwb.matching.placement import _second_look, place_stations
 from slam_uwb.model.geometry import Pose2
 
 
@@ -80,35 +74,6 @@ def test_which_scan_was_fitted_to_which_does_not_matter(
     blocks = place_stations(three_room_scans, swapped, settings)
     assert len(blocks) == 1
     assert_at_the_truth(blocks[0].poses, three_room_poses)
-
-
-@pytest.mark.parametrize("places", [((2.2, 1.4), (1.1, 2.5)), ((2.0, 2.0), (2.0, 2.0))])
-def test_hypotheses_that_contradict_each_other_leave_stations_apart(view, settings, places):
-    """In a square room four places are equally good, in its middle four headings: none by a margin."""
-    square = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]
-    rng = np.random.default_rng(1)
-    scans = {
-        "a": view("a", square, Pose2(*places[0], 0.3), rng),
-        "b": view("b", square, Pose2(*places[1], 1.0), rng),
-    }
-    found = match_pair(scans["a"], scans["b"], settings)
-    assert len(found) >= 4
-    blocks = place_stations(scans, found, settings)
-    assert [list(block.poses) for block in blocks] == [["a"], ["b"]]
-    # With one of them alone nothing contradicts.
-    assert len(place_stations(scans, found[:1], settings)) == 1
-
-
-def test_hypotheses_through_walls_leave_stations_apart(
-    three_room_scans, three_room_poses, settings
-):
-    """Whatever its score says: what the other scan looked through outweighs what it confirms."""
-    wrong = three_room_poses["s3"].inverse() @ three_room_poses["s4"] @ Pose2(1.0, 0.7, 0.6)
-    scans = {s: three_room_scans[s] for s in ("s3", "s4")}
-    blocks = place_stations(
-        scans, [hypothesis(three_room_scans, "s3", "s4", wrong, settings)], settings
-    )
-    assert len(blocks) == 2
 
 
 def test_the_merged_map_overrules_the_best_hypothesis_of_a_pair(
@@ -178,55 +143,6 @@ def test_a_wall_counts_once_however_many_scans_confirm_it(view, room, settings):
     assert len(place_stations(scans, [*together, joined], enough)) == 1
 
 
-def test_places_along_a_row_of_niches_leave_stations_apart(view, settings):
-    """Niches every 3 m, the ends out of sight: three metres on, with the same heading, all looks the same."""
-    corners = [
-        (x + dx, y) for x in range(-60, 60, 3) for dx, y in ((0, 0), (2, 0), (2, -0.6), (3, -0.6))
-    ]
-    front = np.array([*pairwise(corners)], dtype=float)
-    walls = np.concatenate([front, [[(-60, 2), (60, 2)]]])
-    a, b = Pose2(0.6, 0.9, 0.3), Pose2(1.9, 1.1, 1.0)
-    scans = {s: view(s, walls, p, max_range=8.0) for s, p in (("a", a), ("b", b))}
-    places = [a.inverse() @ Pose2(b.x + shift, b.y, b.theta) for shift in (0.0, 3.0, -3.0)]
-    found = [hypothesis(scans, "a", "b", p, settings, k) for k, p in enumerate(places)]
-    margins = settings.model_copy(update={"min_margin_m": 12.0})
-    assert len(place_stations(scans, found[:1], margins)) == 1
-    assert len(place_stations(scans, found, margins)) == 2
-
-
-def test_the_walls_of_two_blocks_settle_on_each_other(three_room_scans, three_room_poses, settings):
-    """Exact within the blocks, 10 cm and 2 degrees off between them: what joins them is aligned."""
-    names = ("s3", "s4", "s5", "s6")
-    scans = {s: three_room_scans[s] for s in names}
-
-    def joined(m, n, error):
-        pose = three_room_poses[m].inverse() @ three_room_poses[n] @ error
-        return hypothesis(three_room_scans, m, n, pose, settings)
-
-    for error in (Pose2(0.1, 0.0, 0.035), Pose2(-0.06, 0.08, -0.035)):
-        exact = [joined("s3", "s4", Pose2.identity()), joined("s5", "s6", Pose2.identity())]
-        blocks = place_stations(scans, [*exact, joined("s4", "s6", error)], settings)
-        assert [len(block.poses) for block in blocks] == [4]
-        assert_at_the_truth(blocks[0].poses, three_room_poses, metres=0.03, degrees=0.4)
-
-
-def test_ranges_decide_where_walls_leave_several_places(view, settings):
-    """Of four places that walls hold alike, the one that the ranges prefer by far."""
-    square = [((0, 0), (4, 0)), ((4, 0), (4, 4)), ((4, 4), (0, 4)), ((0, 4), (0, 0))]
-    a, b = Pose2(2.2, 1.4, 0.3), Pose2(1.1, 2.5, 1.0)
-    scans = {"a": view("a", square, a), "b": view("b", square, b)}
-    found = match_pair(scans["a"], scans["b"], settings)
-    truth = a.inverse() @ b
-
-    def near_the_truth(a_poses, b_poses, candidates):
-        assert (list(a_poses), list(b_poses)) == (["a"], ["b"])
-        return np.where(np.hypot(*(candidates[:, :2] - truth.vector[:2]).T) < 0.3, 5.0, 0.0)
-
-    blocks = place_stations(scans, found, settings, range_gain=near_the_truth)
-    assert len(blocks) == 1
-    assert blocks[0].poses["b"].distance_to(truth) < 0.02
-
-
 @pytest.mark.parametrize("count", [0, 1])
 def test_without_hypotheses_every_station_is_alone(three_room_scans, settings, count):
     scans = dict(list(three_room_scans.items())[:count])
@@ -256,8 +172,8 @@ def test_parts_that_drifted_merge_once_their_stations_may_move(
     three_room_scans, three_room_hypotheses, three_room_poses, drifted_parts, settings
 ):
     truth = three_room_poses
-    best_merge = partial(
-        _best_merge,
+    best = partial(
+        best_merge,
         scans=three_room_scans,
         touching=touching_stations(three_room_hypotheses),
         settings=settings,
@@ -269,9 +185,9 @@ def test_parts_that_drifted_merge_once_their_stations_may_move(
         return {station: truth[first].inverse() @ truth[station] for station in poses}
 
     blocks = dict(enumerate(drifted_parts))
-    assert best_merge(*drifted_parts) is None
-    assert _second_look(blocks, best_merge, three_room_scans, settings, dict) is None
-    pair, merged = _second_look(blocks, best_merge, three_room_scans, settings, settle)
+    assert best(*drifted_parts) is None
+    assert _second_look(blocks, best, three_room_scans, settings, dict) is None
+    pair, merged = _second_look(blocks, best, three_room_scans, settings, settle)
     assert pair == (0, 1)
     assert merged.poses.keys() == truth.keys()
     assert_at_the_truth(merged.poses, truth)
@@ -282,12 +198,12 @@ def test_what_settling_cannot_mend_stays_apart(
 ):
     """One hypothesis, through the wall: no settling makes the walls agree."""
     wrong = three_room_poses["s3"].inverse() @ three_room_poses["s4"] @ Pose2(1.5, 1.0, 1.0)
-    best_merge = partial(
-        _best_merge,
+    best = partial(
+        best_merge,
         scans=three_room_scans,
         touching=touching_stations([hypothesis(three_room_scans, "s3", "s4", wrong, settings)]),
         settings=settings,
         range_gain=no_ranges,
     )
     blocks = dict(enumerate(drifted_parts))
-    assert _second_look(blocks, best_merge, three_room_scans, settings, dict) is None
+    assert _second_look(blocks, best, three_room_scans, settings, dict) is None

@@ -1,0 +1,144 @@
+"""Pairs matched once more from where a placement of all the stations has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from ..model.geometry import Pose2
+from ..model.products import ScanMatch
+from ..model.settings import MatchingSettings
+from ..model.survey import StationId
+from .agreement import placed, same_place
+from .hypotheses import describe_match
+from .index import ScanIndex, within_sight
+from .refiners.point_to_line import polish
+from .score import score_matches
+
+_NEARLY = 0.8  # refining may add so much to the overlap
+_GLANCE = 3  # every third point is enough to see whether a pair overlaps
+_FREE_SIGMA = 0.05  # m and rad; a wall holds to centimetres or not at all
+_SAME_BASIN_RAD = 0.1  # a match that turns further has left the placement
+
+
+@dataclass(frozen=True, slots=True)
+class _Glance:
+    """A pair at the placement, before it is refined."""
+
+    target: StationId
+    source: StationId
+    start: Pose2
+    """target_T_source."""
+    overlap: float
+
+
+_Pair = TypeVar("_Pair", ScanMatch, _Glance)
+
+
+def rematch_pairs(
+    scans: Mapping[StationId, ScanIndex],
+    placement: Mapping[StationId, Pose2],
+    pairs: Sequence[tuple[StationId, StationId]],
+    settings: MatchingSettings,
+    *,
+    firm: Sequence[ScanMatch] = (),
+    until_still: bool = False,
+) -> tuple[ScanMatch, ...]:
+    """Matches of the pairs that overlap at a placement, refined once more from there.
+
+    A pair whose match leaves the placement by more than the fine gate, or that confirms less than
+    `min_evidence_m` of wall, says nothing. Pairs with less overlap than `min_overlap` are weaker
+    than what their neighbours bring: they are used only where no other pair joins their stations.
+    Of a pair that has none, a `firm` match is taken as it is.
+    """
+    glances = [
+        glance
+        for target, source in pairs
+        if (start := placed(target, source, placement)) is not None
+        if (glance := _glance(scans[target], scans[source], start, settings)) is not None
+    ]
+    matches = [
+        match
+        for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap)
+        if (match := _refined(glance, scans, settings, until_still=until_still)) is not None
+    ]
+    return with_firm(_strong_or_joining(matches, settings.min_overlap), firm, placement)
+
+
+def _glance(
+    target: ScanIndex, source: ScanIndex, start: Pose2, settings: MatchingSettings
+) -> _Glance | None:
+    """The pair at its place, or None where it has too little wall in common."""
+    if not within_sight(target, source, math.hypot(start.x, start.y)):
+        return None
+    scores = score_matches(target, source, start.vector[None, :], settings, _GLANCE)
+    confirmed = float(scores.confirmed[0])
+    if confirmed < settings.min_evidence_m:
+        return None
+    return _Glance(target.scan.station, source.scan.station, start, confirmed / scores.total)
+
+
+def _refined(
+    glance: _Glance,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+    *,
+    until_still: bool,
+) -> ScanMatch | None:
+    """The pair's match, or None where there is none near its place that has evidence."""
+    target, source, start = scans[glance.target], scans[glance.source], glance.start
+    refined = polish(target, source, start.vector[None, :], settings, until_still=until_still)
+    match = describe_match(target, source, refined.poses[0], 0, settings)
+    match = leave_free_directions(match, start)
+    stayed = same_place(match.target_T_source, start, settings.fine_gate_m, _SAME_BASIN_RAD)
+    if refined.converged[0] and stayed and match.score >= settings.min_evidence_m:
+        return match
+    return None
+
+
+def leave_free_directions(match: ScanMatch, start: Pose2) -> ScanMatch:
+    """The match with its pose as at `start` (target_T_source) in the directions that its walls leave free.
+
+    There the refiner follows whatever clutter happens to pair; all the other pairs that made the
+    placement know better (solution remapping, Zhang, Kaess and Singh 2016).
+    """
+    values, axes = np.linalg.eigh(match.covariance)
+    held = axes[:, values < _FREE_SIGMA**2]
+    step = (start.inverse() @ match.target_T_source).vector
+    return replace(match, target_T_source=start @ Pose2.from_vector(held @ (held.T @ step)))
+
+
+def _strong_or_joining(matches: Sequence[_Pair], min_overlap: float) -> tuple[_Pair, ...]:
+    """All matches with enough overlap, and of the others those that join groups, the best first."""
+    group: dict[StationId, int] = {}
+    used = set()
+    for index in sorted(range(len(matches)), key=lambda i: -matches[i].overlap):
+        match = matches[index]
+        a = group.setdefault(match.target, len(group))
+        b = group.setdefault(match.source, len(group))
+        if match.overlap >= min_overlap or a != b:
+            used.add(index)
+            group = {station: a if label == b else label for station, label in group.items()}
+    return tuple(match for index, match in enumerate(matches) if index in used)
+
+
+def within(
+    stations: Mapping[StationId, object], matches: Sequence[ScanMatch]
+) -> tuple[ScanMatch, ...]:
+    """The matches both of whose stations are among these."""
+    return tuple(match for match in matches if match.ends <= stations.keys())
+
+
+def with_firm(
+    matches: Sequence[ScanMatch],
+    firm: Sequence[ScanMatch],
+    stations: Mapping[StationId, object],
+) -> tuple[ScanMatch, ...]:
+    """The matches, and the firm ones between these stations whose pair is not among them."""
+    there = {match.ends for match in matches}
+    missing = [match for match in within(stations, firm) if match.ends not in there]
+    return (*matches, *(replace(match, rejection=None) for match in missing))
