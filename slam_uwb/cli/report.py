@@ -27,8 +27,7 @@ def report(
     this version of the software, from what is in OUT. The survey's recordings are not needed.
     """
     from ..io import read_solution
-    from ..report.page import draw_report
-    from ..report.pictures import REPORT
+    from ..report.page import REPORT, draw_report
 
     target = out / REPORT if to is None else to
     replace_file(target, draw_report(read_solution(out)).encode())

@@ -81,7 +81,8 @@ def solve(
             sound, chosen, use_ranges=not no_ranges, align=frame, progress=progress, workers=workers
         )
         progress("drawing and writing", 0, 1)
-        from ..report.pictures import FIGURE, REPORT, solution_pictures
+        from ..report.page import REPORT
+        from ..report.pictures import FIGURE, solution_pictures
 
         write_solution(solution, out, extras=solution_pictures(solution))
         progress("drawing and writing", 1, 1)

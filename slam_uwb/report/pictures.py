@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from ..model.solution import Solution
 from .figures import draw_solution, figure_png
-from .page import draw_report
+from .page import REPORT, draw_report
 
 FIGURE = "figure.png"
-REPORT = "report.html"
 
 
 def solution_pictures(solution: Solution) -> dict[str, bytes]:
