@@ -13,7 +13,7 @@ TABLES = ("ranges.csv", "twr.csv", "anchor_ranges.csv", "decisions.csv")
 
 
 def survey_checksum(folder: Path) -> str:
-    """That of `read_survey(folder)`, in a tenth of the time.
+    """That of `read_survey(folder)`, in an eighth of the time.
 
     Raises:
         SurveyFormatError: a file that the survey needs is missing or survey.toml is damaged. What
