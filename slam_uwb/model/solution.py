@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
@@ -128,6 +129,17 @@ class GraphEstimate:
     """(M, M), stations in their own axes."""
     checks: SolverChecks | None = None
 
+    @property
+    def poses(self) -> dict[StationId, Pose2]:
+        """world_T_station of the stations that have a place."""
+        return {s.id: s.pose for s in self.stations if s.pose is not None}
+
+    def with_links(self, links: tuple[LinkMeasurement, ...]) -> GraphEstimate:
+        """The estimate with links whose use has changed, and the anchors' counts of them."""
+        used = Counter(link.anchor for link in links if link.rejection is None)
+        anchors = tuple(replace(anchor, stations=used[anchor.id]) for anchor in self.anchors)
+        return replace(self, links=links, anchors=anchors)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorMap:
@@ -192,6 +204,15 @@ class DecisionOutcome:
     """What was done."""
     contradiction: str | None = None
     """What in the data speaks against it; None where nothing does."""
+
+    @property
+    def warning(self) -> str | None:
+        """One line that tells the contradiction; None where there is none."""
+        if self.contradiction is None:
+            return None
+        d = self.decision
+        decided = f"decisions.csv: {d.kind} {d.a}, {d.b}: {d.verdict}, {self.effect}"
+        return f"{decided}, although {self.contradiction}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ A `Survey` is what `io` reads from a survey folder (or `simulate` makes) and wha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NewType
 
 from .geometry import FloatArray, Pose2, frozen_array
@@ -154,6 +154,10 @@ class Survey:
     decisions: tuple[Decision, ...] = ()
     checksum: str = ""
     """SHA-256 over the survey's files, hexadecimal; empty for a survey that never was a folder."""
+
+    def without_ranges(self) -> Survey:
+        """The same survey, had nothing but its scans been recorded."""
+        return replace(self, ranges=(), periods=(), anchor_ranges=())
 
     def station(self, station: StationId) -> Station:
         """The station of that name (KeyError where there is none)."""
