@@ -75,8 +75,8 @@ def solve_survey(
         settings: Knobs of all steps; the defaults where None.
         use_ranges: False leaves the UWB ranges out: poses and map from the scans alone.
         align: `walls` turns the frame so that the main walls run along its axes; known places (x, y) m
-            of two or more stations and anchors move it there. A frame that the survey's own control
-            points fix stays.
+            of two or more stations and anchors move it there. Refused where the survey's own control
+            points fix the frame.
         progress: Called with what is being done, how much of it is done, and how much there is.
         workers: Processes that match scans; the result does not depend on it.
 
@@ -87,6 +87,8 @@ def solve_survey(
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
         SettingsError: a sequence is wanted and the survey has none.
+        SlamUwbError: the frame cannot be aligned as asked.
+        SolverError: the joint problem could not be solved.
     """
     settings = settings or Settings()
     survey = survey if use_ranges else survey.without_ranges()
