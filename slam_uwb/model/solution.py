@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
+from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, freeze_arrays
 from .products import LinkMeasurement, ScanMatch
 from .settings import Settings
 from .survey import AnchorId, Decision, Scan, StationId
@@ -57,9 +57,7 @@ class StationEstimate:
 
     def __post_init__(self) -> None:
         if self.covariance is not None:
-            object.__setattr__(
-                self, "covariance", frozen_array(self.covariance, (3, 3), "covariance")
-            )
+            freeze_arrays(self, covariance=(3, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,11 +78,9 @@ class AnchorEstimate:
 
     def __post_init__(self) -> None:
         if self.position is not None:
-            object.__setattr__(self, "position", frozen_array(self.position, (2,), "position"))
+            freeze_arrays(self, position=(2,))
         if self.covariance is not None:
-            object.__setattr__(
-                self, "covariance", frozen_array(self.covariance, (2, 2), "covariance")
-            )
+            freeze_arrays(self, covariance=(2, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +159,7 @@ class Room:
     """m^2."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "polygon", frozen_array(self.polygon, (None, 2), "polygon"))
+        freeze_arrays(self, polygon=(None, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,7 +174,7 @@ class Wall:
     """0-1 that it is a wall and not furniture."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ends", frozen_array(self.ends, (2, 2), "ends"))
+        freeze_arrays(self, ends=(2, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,7 +188,7 @@ class FloorPlan:
     """(D, 2, 2) m, each from jamb to jamb, in the middle of the wall where both faces were seen."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "doors", frozen_array(self.doors, (None, 2, 2), "doors"))
+        freeze_arrays(self, doors=(None, 2, 2))
 
 
 @dataclass(frozen=True, slots=True)
