@@ -27,9 +27,8 @@ DIRECTIONS = 360
 """Bins of the histogram of wall directions."""
 BLOCK = 3
 """Cells along an edge of the blocks of the correlation grid that may hold one peak each."""
-_MAX_SLOPE_VARIANCE = (
-    0.01  # normals less certain than this mislead more than they help (library facts, 7)
-)
+# Normals less certain than this mislead more than they help (library facts, 7).
+_MAX_SLOPE_VARIANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
