@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from ._version import __version__
 from .graph import SOLVERS, adjust_placement
 from .mapping import build_floor_map, build_floor_plan, find_walls
 from .matching import (
+    DecidedPairs,
     Selection,
     candidate_pairs,
     decide_pairs,
     index_scans,
     match_pairs,
+    name_ambiguous,
+    repeating_building,
     review_pairs,
     select_matches,
 )
@@ -25,22 +27,20 @@ from .model.geometry import Pose2
 from .model.products import (
     GraphProblem,
     LinkMeasurement,
+    PreparedScan,
     Progress,
     ScanMatch,
     WallPieces,
     silent,
 )
-from .model.settings import GraphSettings, Settings
-from .model.solution import (
-    Alternative,
-    DecisionOutcome,
-    FloorMap,
-    FloorPlan,
-    GraphEstimate,
-    Solution,
-    StationEstimate,
-    Status,
+from .model.settings import (
+    GraphSettings,
+    MappingSettings,
+    MatchingSettings,
+    ScanSettings,
+    Settings,
 )
+from .model.solution import DecisionOutcome, FloorMap, FloorPlan, GraphEstimate, Solution
 from .model.survey import Scan, StationId, Survey
 from .ranging import (
     decide_links,
@@ -54,13 +54,17 @@ from .ranging import (
 )
 from .scan import prepare_scan, reduce_scan
 
+Align = str | Mapping[str, tuple[float, float]] | None
+WallsAt = Callable[[Mapping[StationId, Pose2]], WallPieces]
+"""The walls that the survey's scans show from world_T_station."""
+
 
 def solve_survey(
     survey: Survey,
     settings: Settings | None = None,
     *,
     use_ranges: bool = True,
-    align: str | Mapping[str, tuple[float, float]] | None = None,
+    align: Align = None,
     progress: Progress = silent,
     workers: int = 1,
 ) -> Solution:
@@ -71,8 +75,8 @@ def solve_survey(
         settings: Knobs of all steps; the defaults where None.
         use_ranges: False leaves the UWB ranges out: poses and map from the scans alone.
         align: `walls` turns the frame so that the main walls run along its axes; known places (x, y) m
-            of two or more stations and anchors move it there. A frame that the survey's own control
-            points fix stays.
+            of two or more stations and anchors move it there. Refused where the survey's own control
+            points fix the frame.
         progress: Called with what is being done, how much of it is done, and how much there is.
         workers: Processes that match scans; the result does not depend on it.
 
@@ -83,131 +87,143 @@ def solve_survey(
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
         SettingsError: a sequence is wanted and the survey has none.
+        SlamUwbError: the frame cannot be aligned as asked.
+        SolverError: the joint problem could not be solved.
     """
     settings = settings or Settings()
-    # By name, not in the survey's order: which scan is fitted to which must not depend on it.
-    stations = sorted(survey.stations, key=lambda station: station.id)
-    reduced = {s.id: reduce_scan(s.scan, settings.scan) for s in stations if s.scan is not None}
-    scans = {name: prepare_scan(name, scan, settings.scan) for name, scan in reduced.items()}
-    upper_scans = {
-        s.id: prepare_scan(s.id, s.upper_scan, settings.scan)
-        for s in stations
-        if s.upper_scan is not None
-    }
-    links = reduce_links(survey, settings.ranging) if use_ranges else ()
-    links = decide_links(links, survey.decisions)
-
-    indexed = index_scans(scans, settings.matching)
-    separation = least_separation(tuple(indexed), links) if links else None
-    pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching, separation)
-    hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
-    decided = decide_pairs(survey.decisions, pairs, hypotheses, indexed, settings.matching)
-    selection = select_matches(
-        indexed,
-        decided.hypotheses,
-        decided.pairs,
-        settings.matching,
-        adjust=adjust_placement,
-        firm=decided.firm,
-        range_gain=range_gain(survey, links),
-        progress=progress,
-    )
+    survey = survey if use_ranges else survey.without_ranges()
+    # Each recording and each link alone.
+    reduced, scans, upper_scans = _prepare(survey, settings.scan)
+    links = decide_links(reduce_links(survey, settings.ranging), survey.decisions)
+    # Which scans hold together, and how.
+    decided, selection = _match(survey, scans, links, settings.matching, progress, workers)
+    # Where the stations and the anchors are.
     walls_at = partial(find_walls, scans, settings=settings.mapping, upper_scans=upper_scans)
-    problem = GraphProblem(
-        stations=survey.stations,
-        anchors=survey.anchors,
-        matches=selection.used,
-        placement=selection.placement,
-        links=links,
-        anchor_links=reduce_anchor_links(survey, settings.ranging) if use_ranges else (),
-        tag_offset=survey.tag_offset,
-        range_offset=survey.range_offset,
-        sequence=survey.sequence,
-        link_model=link_model(settings.ranging, walls_at if scans else None),
-    )
-    progress("estimating poses and anchors", 0, 1)
-    estimate = _solve(problem, settings.graph, selection)
-    progress("estimating poses and anchors", 1, 1)
-    aligned_T_world = _alignment(estimate, align, walls_at, settings)
+    problem = _problem(survey, selection, links, settings, walls_at if scans else None)
+    estimate = _solve(problem, settings.graph, selection, progress)
+    aligned_T_world = _alignment(estimate, align, walls_at, settings.mapping)
     if aligned_T_world is not None:
         estimate = change_frame(estimate, aligned_T_world)
-
-    poses = {s.id: s.pose for s in estimate.stations if s.pose is not None and s.id in scans}
-    floor_map = build_floor_map(scans, poses, settings.mapping) if poses else None
-    plan = build_floor_plan(walls_at(poses), floor_map, settings.mapping) if floor_map else None
+    # What the building looks like.
+    floor_map, plan = _draw(scans, estimate.poses, walls_at, settings.mapping)
+    # What became of what a person decided.
     outcomes = (
         *review_pairs(survey.decisions, decided, selection.placement, settings.matching),
         *review_links(survey.decisions, estimate.links),
     )
-    estimate = _with_links(estimate, keep_links(estimate.links, survey.decisions))
+    estimate = estimate.with_links(keep_links(estimate.links, survey.decisions))
     matches = (*selection.matches, *decided.dropped)
     return _solution(
         survey, settings, estimate, matches, floor_map, plan, reduced, outcomes, aligned_T_world
     )
 
 
-def _alignment(
-    estimate: GraphEstimate,
-    align: str | Mapping[str, tuple[float, float]] | None,
-    walls_at: Callable[[Mapping[StationId, Pose2]], WallPieces],
+def _prepare(
+    survey: Survey, settings: ScanSettings
+) -> tuple[dict[StationId, Scan], dict[StationId, PreparedScan], dict[StationId, PreparedScan]]:
+    """Scans reduced to one sample an angle bin, described, and the described upper ones."""
+    # By name, not in the survey's order: which scan is fitted to which must not depend on it.
+    stations = sorted(survey.stations, key=lambda station: station.id)
+    reduced = {s.id: reduce_scan(s.scan, settings) for s in stations if s.scan is not None}
+    upper = {s.id: s.upper_scan for s in stations if s.upper_scan is not None}
+    return (
+        reduced,
+        {name: prepare_scan(name, scan, settings) for name, scan in reduced.items()},
+        {name: prepare_scan(name, scan, settings) for name, scan in upper.items()},
+    )
+
+
+def _match(
+    survey: Survey,
+    prepared: Mapping[StationId, PreparedScan],
+    links: Sequence[LinkMeasurement],
+    settings: MatchingSettings,
+    progress: Progress,
+    workers: int,
+) -> tuple[DecidedPairs, Selection]:
+    """What a person decided of the pairs, and the hypotheses that hold together."""
+    scans = index_scans(prepared, settings)
+    separation = least_separation(tuple(scans), links)
+    pairs = candidate_pairs(tuple(scans), survey.sequence, settings, separation)
+    hypotheses = match_pairs(pairs, scans, settings, progress, workers)
+    decided = decide_pairs(survey.decisions, pairs, hypotheses, scans, settings)
+    selection = select_matches(
+        scans,
+        decided.hypotheses,
+        decided.pairs,
+        settings,
+        adjust=adjust_placement,
+        firm=decided.firm,
+        range_gain=range_gain(survey, links),
+        progress=progress,
+    )
+    return decided, selection
+
+
+def _problem(
+    survey: Survey,
+    selection: Selection,
+    links: tuple[LinkMeasurement, ...],
     settings: Settings,
+    walls_at: WallsAt | None,
+) -> GraphProblem:
+    """What holds together and what was measured, as the solvers are given it."""
+    return GraphProblem(
+        stations=survey.stations,
+        anchors=survey.anchors,
+        matches=selection.used,
+        placement=selection.placement,
+        links=links,
+        anchor_links=reduce_anchor_links(survey, settings.ranging),
+        tag_offset=survey.tag_offset,
+        range_offset=survey.range_offset,
+        sequence=survey.sequence,
+        link_model=link_model(settings.ranging, walls_at),
+    )
+
+
+def _solve(
+    problem: GraphProblem, settings: GraphSettings, selection: Selection, progress: Progress
+) -> GraphEstimate:
+    """The solver's estimate, with the stations that matching found to fit at several places named so."""
+    progress("estimating poses and anchors", 0, 1)
+    try:
+        estimate = SOLVERS[settings.mode](problem, settings)
+    except DisconnectedSurveyError as error:
+        if selection.ambiguous:
+            raise repeating_building(selection) from error
+        raise
+    progress("estimating poses and anchors", 1, 1)
+    return name_ambiguous(estimate, selection)
+
+
+def _alignment(
+    estimate: GraphEstimate, align: Align, walls_at: WallsAt, settings: MappingSettings
 ) -> Pose2 | None:
-    """aligned_T_world; None where nothing is asked for, or the site's own control points rule."""
+    """aligned_T_world; None where nothing is asked for, or no wall is seen to align with."""
     if align is None:
         return None
     if estimate.frame == "site":
         raise SlamUwbError("--align: the survey's control points fix the frame already")
     if not isinstance(align, str):
         return fit_frame(estimate, align)
-    walls = walls_at({s.id: s.pose for s in estimate.stations if s.pose is not None})
-    ends = walls.ends[walls.probability >= settings.mapping.room_wall_probability]
+    walls = walls_at(estimate.poses)
+    ends = walls.ends[walls.probability >= settings.room_wall_probability]
     return Pose2(0.0, 0.0, -main_direction(ends)) if len(ends) else None
 
 
-def _with_links(estimate: GraphEstimate, links: tuple[LinkMeasurement, ...]) -> GraphEstimate:
-    """The estimate with links whose use has changed, and the anchors' counts of them."""
-    anchors = tuple(
-        replace(a, stations=sum(k.anchor == a.id and k.rejection is None for k in links))
-        for a in estimate.anchors
-    )
-    return replace(estimate, links=links, anchors=anchors)
-
-
-def _solve(problem: GraphProblem, settings: GraphSettings, selection: Selection) -> GraphEstimate:
-    """The solver's estimate, with the stations that matching found to fit at several places named so."""
-    try:
-        estimate = SOLVERS[settings.mode](problem, settings)
-    except DisconnectedSurveyError as error:
-        if not selection.ambiguous:
-            raise
-        names = ", ".join(selection.ambiguous)
-        raise DisconnectedSurveyError(
-            f"every station fits at more than one place ({names}): the building repeats itself; "
-            "ranges to anchors or a surveyed station would tell"
-        ) from error
-    shared = [
-        station.pose @ selection.placement[station.id].inverse()
-        for station in estimate.stations
-        if station.pose is not None and station.id in selection.placement
-    ]
-    if not shared:
-        return estimate
-    world_T_placement = shared[0]
-    stations = tuple(
-        _ambiguous(station, selection.ambiguous[station.id], world_T_placement)
-        if station.id in selection.ambiguous and station.pose is None
-        else station
-        for station in estimate.stations
-    )
-    return replace(estimate, stations=stations)
-
-
-def _ambiguous(
-    station: StationEstimate, places: tuple[tuple[Pose2, float], ...], world_T_placement: Pose2
-) -> StationEstimate:
-    poses = [(world_T_placement @ pose, weight) for pose, weight in places]
-    alternatives = tuple(Alternative(p.x, p.y, p.theta, weight) for p, weight in poses)
-    return replace(station, status=Status.AMBIGUOUS, alternatives=alternatives)
+def _draw(
+    scans: Mapping[StationId, PreparedScan],
+    world_T_station: Mapping[StationId, Pose2],
+    walls_at: WallsAt,
+    settings: MappingSettings,
+) -> tuple[FloorMap | None, FloorPlan | None]:
+    """Map and plan from the stations that have a scan and a place; None where none has."""
+    poses = {station: pose for station, pose in world_T_station.items() if station in scans}
+    if not poses:
+        return None, None
+    floor_map = build_floor_map(scans, poses, settings)
+    return floor_map, build_floor_plan(walls_at(poses), floor_map, settings)
 
 
 def _solution(
@@ -221,6 +237,7 @@ def _solution(
     decisions: tuple[DecisionOutcome, ...],
     aligned_T_world: Pose2 | None,
 ) -> Solution:
+    """All of it as it is delivered."""
     return Solution(
         survey_name=survey.name,
         checksum=survey.checksum,
@@ -240,13 +257,7 @@ def _solution(
         plan=plan,
         scans=scans,
         tag_offset=survey.tag_offset,
-        warnings=tuple(
-            f"decisions.csv: {d.kind} {d.a}, {d.b}: {d.verdict}, {outcome.effect}, although "
-            f"{outcome.contradiction}"
-            for outcome in decisions
-            if outcome.contradiction is not None
-            for d in [outcome.decision]
-        ),
+        warnings=tuple(d.warning for d in decisions if d.warning is not None),
         decisions=decisions,
         alignment=aligned_T_world,
         tag_heights={s.id: s.tag_height for s in survey.stations if math.isfinite(s.tag_height)},

@@ -106,10 +106,9 @@ def _both_ways(target: ScanIndex, source: ScanIndex, pose: Pose2, gate: float) -
     source_points, target_points = source.columns[:2], target.columns[:2]
     count = source_points.shape[1]
     target_here = inverse.rotation @ target_points + inverse.translation[:, None]
-    source_there = pose.rotation @ source_points + pose.translation[:, None]
-    source_partner, target_partner = target.nearest(source_there.T), source.nearest(target_here.T)
     forth = correspondences(target, source, pose.vector[None, :], gate=gate)
     back = correspondences(source, target, inverse.vector[None, :], gate=gate)
+    source_partner, target_partner = forth.partner[0], back.partner[0]
     # d inverse(T) = -Ad(T) d in its axes.
     jacobian = np.concatenate([forth.jacobian[0].T, -pose.adjoint().T @ back.jacobian[0].T], axis=1)
     x, y = np.concatenate([source_points, target_here], axis=1)

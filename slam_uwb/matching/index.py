@@ -27,9 +27,8 @@ DIRECTIONS = 360
 """Bins of the histogram of wall directions."""
 BLOCK = 3
 """Cells along an edge of the blocks of the correlation grid that may hold one peak each."""
-_MAX_SLOPE_VARIANCE = (
-    0.01  # normals less certain than this mislead more than they help (library facts, 7)
-)
+# Normals less certain than this mislead more than they help (library facts, 7).
+_MAX_SLOPE_VARIANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,14 +71,8 @@ class ScanIndex:
     tree: cKDTree
     spectra: Spectra
 
-    def nearest(self, points: Points) -> NDArray[np.int32]:
-        """Index (...,) of the scan's point nearest to each of `points` (..., 2); cells of 0.1 m, so nearly."""
-        c, s = math.cos(self.table_turn), math.sin(self.table_turn)
-        x, y = points[..., 0], points[..., 1]
-        return self.nearest_in_table(c * x + s * y, c * y - s * x)
-
     def nearest_in_table(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
-        """The same for coordinates (...,) in table axes."""
+        """Index (...,) of the point nearest to (x, y) (...,) in table axes; cells of 0.1 m, so nearly."""
         height, width = self.table.shape
         column = _cells(x, self.table_origin[0], width)
         row = _cells(y, self.table_origin[1], height)

@@ -92,12 +92,12 @@ def _refined(
     """The pair's match, or None where there is none near its place that has evidence."""
     target, source, start = scans[glance.target], scans[glance.source], glance.start
     refined = polish(target, source, start.vector[None, :], settings, until_still=until_still)
+    if not refined.converged[0]:
+        return None
     match = describe_match(target, source, refined.poses[0], 0, settings)
     match = leave_free_directions(match, start)
     stayed = same_place(match.target_T_source, start, settings.fine_gate_m, _SAME_BASIN_RAD)
-    if refined.converged[0] and stayed and match.score >= settings.min_evidence_m:
-        return match
-    return None
+    return match if stayed and match.score >= settings.min_evidence_m else None
 
 
 def leave_free_directions(match: ScanMatch, start: Pose2) -> ScanMatch:

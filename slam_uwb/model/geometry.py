@@ -54,6 +54,14 @@ def frozen_array(
     return array
 
 
+def freeze_arrays(
+    holder: object, dtype: type[np.generic] = np.float64, /, **shapes: Sequence[int | None]
+) -> None:
+    """Put `frozen_array` copies in place of a frozen dataclass's arrays, by name."""
+    for name, shape in shapes.items():
+        object.__setattr__(holder, name, frozen_array(getattr(holder, name), shape, name, dtype))
+
+
 @dataclass(frozen=True, slots=True)
 class Pose2:
     """A rigid motion of the plane, SE(2): rotate by `theta`, then translate by (`x`, `y`)."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import FloatArray, Matrix3, Points, Pose2, frozen_array
+from .geometry import FloatArray, Matrix3, Points, Pose2, freeze_arrays
 from .link_law import LinkModel
 from .survey import Anchor, AnchorId, RangeOffset, Station, StationId
 
@@ -51,14 +51,11 @@ class PreparedScan:
 
     def __post_init__(self) -> None:
         count = len(self.points)
-        shapes = {
-            "points": (None, 2), "normals": (count, 2), "normal_variance": (count,), "lengths": (count,),
-            "segments": (None, 2, 2), "landmarks": (None, 2), "free_ranges": (None,),
-        }  # fmt: skip
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
-        on_wall = frozen_array(self.on_wall, (count,), "on_wall", np.bool_)
-        object.__setattr__(self, "on_wall", on_wall)
+        freeze_arrays(
+            self, points=(None, 2), normals=(count, 2), normal_variance=(count,), lengths=(count,),
+            segments=(None, 2, 2), landmarks=(None, 2), free_ranges=(None,),
+        )  # fmt: skip
+        freeze_arrays(self, np.bool_, on_wall=(count,))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +83,7 @@ class ScanMatch:
     """Why it is not used; None where it is."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", frozen_array(self.covariance, (3, 3), "covariance"))
+        freeze_arrays(self, covariance=(3, 3))
 
     @property
     def ends(self) -> frozenset[StationId]:
@@ -148,11 +145,9 @@ class WallPieces:
     """(P,) 0-1 that the piece blocks radio as a wall does; low for furniture."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ends", frozen_array(self.ends, (None, 2, 2), "ends"))
         count = len(self.ends)
-        object.__setattr__(self, "line", frozen_array(self.line, (count,), "line", np.int32))
-        probability = frozen_array(self.probability, (count,), "probability")
-        object.__setattr__(self, "probability", probability)
+        freeze_arrays(self, ends=(None, 2, 2), probability=(count,))
+        freeze_arrays(self, np.int32, line=(count,))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, frozen_array
+from .geometry import FloatArray, Grid, Matrix2, Matrix3, Points, Pose2, Vector2, freeze_arrays
 from .products import LinkMeasurement, ScanMatch
 from .settings import Settings
 from .survey import AnchorId, Decision, Scan, StationId
@@ -59,9 +60,7 @@ class StationEstimate:
 
     def __post_init__(self) -> None:
         if self.covariance is not None:
-            object.__setattr__(
-                self, "covariance", frozen_array(self.covariance, (3, 3), "covariance")
-            )
+            freeze_arrays(self, covariance=(3, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,11 +81,9 @@ class AnchorEstimate:
 
     def __post_init__(self) -> None:
         if self.position is not None:
-            object.__setattr__(self, "position", frozen_array(self.position, (2,), "position"))
+            freeze_arrays(self, position=(2,))
         if self.covariance is not None:
-            object.__setattr__(
-                self, "covariance", frozen_array(self.covariance, (2, 2), "covariance")
-            )
+            freeze_arrays(self, covariance=(2, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +129,17 @@ class GraphEstimate:
     joint_covariance: FloatArray | None = None
     """(M, M), stations in their own axes."""
     checks: SolverChecks | None = None
+
+    @property
+    def poses(self) -> dict[StationId, Pose2]:
+        """world_T_station of the stations that have a place."""
+        return {s.id: s.pose for s in self.stations if s.pose is not None}
+
+    def with_links(self, links: tuple[LinkMeasurement, ...]) -> GraphEstimate:
+        """The estimate with links whose use has changed, and the anchors' counts of them."""
+        used = Counter(link.anchor for link in links if link.rejection is None)
+        anchors = tuple(replace(anchor, stations=used[anchor.id]) for anchor in self.anchors)
+        return replace(self, links=links, anchors=anchors)
 
 
 FREE_BELOW, OCCUPIED_ABOVE = 0.35, 0.65
@@ -179,7 +187,7 @@ class Room:
     """m^2."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "polygon", frozen_array(self.polygon, (None, 2), "polygon"))
+        freeze_arrays(self, polygon=(None, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +202,7 @@ class Wall:
     """0-1 that it is a wall and not furniture."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ends", frozen_array(self.ends, (2, 2), "ends"))
+        freeze_arrays(self, ends=(2, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,7 +216,7 @@ class FloorPlan:
     """(D, 2, 2) m, each from jamb to jamb, in the middle of the wall where both faces were seen."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "doors", frozen_array(self.doors, (None, 2, 2), "doors"))
+        freeze_arrays(self, doors=(None, 2, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +228,15 @@ class DecisionOutcome:
     """What was done."""
     contradiction: str | None = None
     """What in the data speaks against it; None where nothing does."""
+
+    @property
+    def warning(self) -> str | None:
+        """One line that tells the contradiction; None where there is none."""
+        if self.contradiction is None:
+            return None
+        d = self.decision
+        decided = f"decisions.csv: {d.kind} {d.a}, {d.b}: {d.verdict}, {self.effect}"
+        return f"{decided}, although {self.contradiction}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

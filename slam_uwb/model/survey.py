@@ -6,10 +6,10 @@ A `Survey` is what `io` reads from a survey folder (or `simulate` makes) and wha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NewType
 
-from .geometry import FloatArray, Pose2, frozen_array
+from .geometry import FloatArray, Pose2, freeze_arrays
 
 StationId = NewType("StationId", str)
 AnchorId = NewType("AnchorId", str)
@@ -27,8 +27,8 @@ class Scan:
     """m; beyond it the scanner sees nothing."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "bearings", frozen_array(self.bearings, (None,), "bearings"))
-        object.__setattr__(self, "ranges", frozen_array(self.ranges, self.bearings.shape, "ranges"))
+        freeze_arrays(self, bearings=(None,))
+        freeze_arrays(self, ranges=self.bearings.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class RangeSamples:
     """(K,) m."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "distances", frozen_array(self.distances, (None,), "distances"))
+        freeze_arrays(self, distances=(None,))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ class TwoWayPeriods:
     """(K, 4) s: tag round trip, anchor reply, tag reply, anchor round trip."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "periods", frozen_array(self.periods, (None, 4), "periods"))
+        freeze_arrays(self, periods=(None, 4))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +106,7 @@ class AnchorRangeSamples:
     """(K,) m."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "distances", frozen_array(self.distances, (None,), "distances"))
+        freeze_arrays(self, distances=(None,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +154,10 @@ class Survey:
     decisions: tuple[Decision, ...] = ()
     checksum: str = ""
     """SHA-256 over the survey's files, hexadecimal; empty for a survey that never was a folder."""
+
+    def without_ranges(self) -> Survey:
+        """The same survey, had nothing but its scans been recorded."""
+        return replace(self, ranges=(), periods=(), anchor_ranges=())
 
     def station(self, station: StationId) -> Station:
         """The station of that name (KeyError where there is none)."""

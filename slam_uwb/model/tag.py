@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .geometry import Points, Vector2, frozen_array
+from .geometry import Points, Vector2, freeze_arrays
 from .survey import AnchorId
 
 
@@ -92,4 +92,4 @@ class TagTruth:
 
     def __post_init__(self) -> None:
         if self.path is not None:
-            object.__setattr__(self, "path", frozen_array(self.path, (None, 2), "path"))
+            freeze_arrays(self, path=(None, 2))

@@ -174,6 +174,8 @@ class Correspondences(NamedTuple):
     """(K, N, 3) its derivatives by a motion (x, y, theta) in the source's axes."""
     weight: FloatArray
     """(K, N) m of wall; zero where no reliable wall that faces the same way lies within the gate."""
+    partner: NDArray[np.int32]
+    """(K, N) index of the target's point."""
 
 
 def correspondences(
@@ -196,7 +198,7 @@ def correspondences(
     close = (pairing.squared < gate * gate) & (pairing.facing > _SAME_FACE)
     close &= target.reliable.take(pairing.partner)
     weight = np.where(close, source.scan.lengths[::stride], 0.0)
-    return Correspondences(pairing.across, np.swapaxes(jacobian, 1, 2), weight)
+    return Correspondences(pairing.across, np.swapaxes(jacobian, 1, 2), weight, pairing.partner)
 
 
 def partner_count(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.geometry import FloatArray, frozen_array
+from ...model.geometry import FloatArray, freeze_arrays
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,12 +27,8 @@ class Refinement:
     """(J,) steps taken; None where the library does not tell."""
 
     def __post_init__(self) -> None:
-        poses = frozen_array(self.poses, (None, 3), "poses")
-        count = (len(poses),)
-        object.__setattr__(self, "poses", poses)
-        object.__setattr__(
-            self, "converged", frozen_array(self.converged, count, "converged", np.bool_)
-        )
+        count = len(self.poses)
+        freeze_arrays(self, poses=(None, 3))
+        freeze_arrays(self, np.bool_, converged=(count,))
         if self.iterations is not None:
-            iterations = frozen_array(self.iterations, count, "iterations", np.int64)
-            object.__setattr__(self, "iterations", iterations)
+            freeze_arrays(self, np.int64, iterations=(count,))

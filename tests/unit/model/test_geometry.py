@@ -1,10 +1,11 @@
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from slam_uwb.model.geometry import Pose2, frozen_array, rotation_matrix, wrap_angle
+from slam_uwb.model.geometry import Pose2, freeze_arrays, frozen_array, rotation_matrix, wrap_angle
 
 
 @pytest.mark.parametrize(
@@ -84,3 +85,27 @@ def test_frozen_array_is_a_copy_that_nobody_changes():
 def test_frozen_array_names_what_has_the_wrong_shape(value):
     with pytest.raises(ValueError, match="walls has shape"):
         frozen_array(value, (None, 2), "walls")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Holder:
+    place: object
+    ends: object
+
+    def __post_init__(self):
+        freeze_arrays(self, place=(2,), ends=(None, 2))
+
+
+def test_arrays_of_a_frozen_value_are_read_only_copies():
+    mine = np.array([1.0, 2.0])
+    holder = Holder(mine, [[3, 4]])
+    mine[0] = 9.0
+    np.testing.assert_array_equal(holder.place, [1.0, 2.0])
+    assert not holder.place.flags.writeable
+    np.testing.assert_array_equal(holder.ends, [[3.0, 4.0]])
+
+
+@pytest.mark.parametrize("ends", [[1.0, 2.0, 3.0], None])
+def test_an_array_of_a_wrong_shape_or_none_is_named(ends):
+    with pytest.raises(ValueError, match=r"ends has shape"):
+        Holder([1.0, 2.0], ends)
