@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
 from .batch import first_of_each
-from .index import BLOCK, DIRECTIONS, ScanIndex, Spectra, correlation_grids, grid_size
+from .index import ScanIndex
+from .spectra import BLOCK, DIRECTIONS, Spectra, correlation_grids, grid_size
 
 _DISTINCT_M = 0.3
 _PEAK_BINS = 4  # degrees around a peak of the wall directions that belong to it

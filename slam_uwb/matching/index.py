@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ..model.geometry import FloatArray, Points, rotation_matrix
 from ..model.products import PreparedScan
 from ..model.settings import MatchingSettings
+from .directions import aligning_turn, certain_normals
+from .spectra import Spectra, grid_spectra
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -23,25 +25,6 @@ _TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
 # points on its own side, and partners follow the noise of the point that looks for them.
 _TABLE_TURN = 0.5
 _NEAR_M = 0.5  # partners lie closer than this
-DIRECTIONS = 360
-"""Bins of the histogram of wall directions."""
-BLOCK = 3
-"""Cells along an edge of the blocks of the correlation grid that may hold one peak each."""
-# Normals less certain than this mislead more than they help (library facts, 7).
-_MAX_SLOPE_VARIANCE = 0.01
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Spectra:
-    """Correlation grids of one scan in its wall-aligned frame, as half spectra at quarter turns 0 and 1."""
-
-    occupied: NDArray[np.complex128]
-    """(2, G, G // 2 + 1)."""
-    contrast: NDArray[np.complex128]
-    """(2, G, G // 2 + 1), blurred occupied cells minus free ones."""
-    directions: NDArray[np.complex128]
-    """(D // 2 + 1,) spectrum of the smoothed histogram of wall directions in the axes of the walls,
-    all the way round."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +103,7 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     return ScanIndex(
         scan=scan,
         reach=float(np.hypot(*scan.points.T).max()),
-        reliable=scan.normal_variance <= _MAX_SLOPE_VARIANCE,
+        reliable=certain_normals(scan),
         turn=turn,
         table_turn=turn + _TABLE_TURN,
         columns=np.ascontiguousarray(columns.T),
@@ -128,7 +111,7 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
         table=table,
         table_origin=origin,
         tree=cKDTree(table_columns[:2].T),
-        spectra=_spectra(scan, turn, settings),
+        spectra=grid_spectra(scan, turn, settings),
     )
 
 
@@ -147,104 +130,3 @@ def _nearest_table(points: Points) -> tuple[NDArray[np.int32], tuple[float, floa
     owner[row[order], column[order]] = order
     rows, columns = distance_transform_edt(owner < 0, return_distances=False, return_indices=True)
     return owner[rows, columns], (float(low[0]), float(low[1]))
-
-
-def aligning_turn(scan: PreparedScan) -> float:
-    """Direction, rad, of the walls in the scanner's frame, that of the four in which most of the walls lie."""
-    angle = wall_angle(scan)
-    ahead, left = (scan.lengths @ scan.points) @ rotation_matrix(angle)
-    return angle + 0.5 * math.pi * round(math.atan2(left, ahead) / (0.5 * math.pi))
-
-
-def wall_angle(scan: PreparedScan) -> float:
-    """Dominant wall direction modulo 90 degrees, in [-pi/4, pi/4) rad.
-
-    Peak of the length-weighted histogram of wall directions, refined by the circular mean around
-    it.
-    """
-    certain = scan.normal_variance <= _MAX_SLOPE_VARIANCE
-    if not certain.any():
-        return 0.0
-    quarter = 0.5 * math.pi
-    angles = np.arctan2(scan.normals[certain, 1], scan.normals[certain, 0]) % quarter
-    weights = scan.lengths[certain]
-    bins = 360
-    histogram = np.bincount(
-        (angles / quarter * bins).astype(int) % bins, weights=weights, minlength=bins
-    )
-    # +-1.5 degrees of smoothing: a wall's normals scatter by about a degree.
-    kernel = np.zeros(bins)
-    kernel[np.arange(-6, 7)] = 1.0
-    smooth = np.fft.irfft(np.fft.rfft(histogram) * np.fft.rfft(kernel), bins)
-    peak = (int(np.argmax(smooth)) + 0.5) * quarter / bins
-    away = np.remainder(angles - peak + 0.5 * quarter, quarter) - 0.5 * quarter
-    near = np.abs(away) < math.radians(2.0)
-    mean = peak + (np.average(away[near], weights=weights[near]) if near.any() else 0.0)
-    return float(np.remainder(mean + 0.5 * quarter, quarter) - 0.5 * quarter)
-
-
-def grid_size(settings: MatchingSettings) -> int:
-    """Cells along an edge of the correlation grid; wraps round at twice the radius, which scoring sorts out.
-
-    A whole number of blocks of cells that has small prime factors.
-    """
-    from scipy.fft import next_fast_len
-
-    blocks = math.ceil(2.0 * settings.correlation_radius_m / settings.correlation_cell_m / BLOCK)
-    return BLOCK * int(next_fast_len(blocks, real=True))
-
-
-def _spectra(scan: PreparedScan, angle: float, settings: MatchingSettings) -> Spectra:
-    from scipy.fft import rfft2
-
-    grids = correlation_grids(scan, angle, settings)
-    # Turning by 90 degrees maps cell (row, column) to (column, -row); half turns are conjugate
-    # spectra.
-    turned = np.roll(np.flip(grids.transpose(0, 2, 1), axis=2), 1, axis=2)
-    spectra = rfft2(np.stack([grids, turned], axis=1))
-    return Spectra(spectra[0], spectra[1], _direction_spectrum(scan, angle))
-
-
-def _direction_spectrum(scan: PreparedScan, angle: float) -> NDArray[np.complex128]:
-    certain = scan.normal_variance <= _MAX_SLOPE_VARIANCE
-    normals = scan.normals[certain] @ rotation_matrix(angle)
-    bins = np.floor((np.arctan2(normals[:, 1], normals[:, 0]) / (2.0 * math.pi)) * DIRECTIONS)
-    histogram = np.bincount(
-        bins.astype(int) % DIRECTIONS, weights=scan.lengths[certain], minlength=DIRECTIONS
-    )
-    kernel = np.zeros(DIRECTIONS)
-    kernel[np.arange(-2, 3)] = 1.0
-    return np.asarray(np.fft.rfft(histogram) * np.fft.rfft(kernel))
-
-
-def correlation_grids(scan: PreparedScan, angle: float, settings: MatchingSettings) -> FloatArray:
-    """(2, G, G) occupied cells and contrast of a scan whose direction `angle` lies along x."""
-    from scipy.ndimage import gaussian_filter
-
-    size = grid_size(settings)
-    occupied = np.zeros((size, size))
-    near = np.hypot(*scan.points.T) < settings.correlation_radius_m
-    cells = np.rint(
-        scan.points[near] @ rotation_matrix(angle) / settings.correlation_cell_m
-    ).astype(int)
-    occupied[cells[:, 1], cells[:, 0]] = 1.0  # negative cells wrap: the grid is centred on cell 0
-    contrast = gaussian_filter(occupied, 0.8, mode="wrap") - _free_cells(
-        scan, angle, size, settings
-    )
-    return np.stack([occupied, contrast])
-
-
-def _free_cells(
-    scan: PreparedScan, angle: float, size: int, settings: MatchingSettings
-) -> FloatArray:
-    """(G, G) 1 where the scanner looked through the cell, in the wall-aligned frame centred on cell 0."""
-    steps = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
-    x, y = np.meshgrid(steps, steps)
-    count = len(scan.free_ranges)
-    bearing = np.arctan2(y, x) + angle + math.pi
-    sector = (
-        np.floor(np.remainder(bearing, 2.0 * math.pi) * (count / (2.0 * math.pi))).astype(int)
-        % count
-    )
-    margin = settings.free_space_margin_m
-    return np.asarray(np.hypot(x, y) < scan.free_ranges[sector] - margin, dtype=np.float64)
