@@ -1,14 +1,15 @@
 """Stations that would fit elsewhere in the finished map as well.
 
 In a building of equal rooms a wrong place can have as much evidence as the right one. So every
-station is taken out of the finished block once, and put back wherever its hypotheses allow.
+station, and every group that was placed as one, is taken out of the finished block once, and put back
+wherever its hypotheses allow.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import STRIDE, Block, Seen, merge_gains, single_block
+from .evidence import STRIDE, Block, Seen, merge_gains
 from .index import ScanIndex, within_sight
 from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
 from .score import point_evidence
@@ -33,7 +34,7 @@ class Rival:
     """The best other place of a station in its block."""
 
     pose: Pose2
-    """block_T_station."""
+    """block_T_station; for a group, what moves it there from its own place."""
     evidence: float
     """m, less what the ranges prefer the station's own place by."""
     own: float
@@ -49,15 +50,26 @@ def ambiguous_stations(
 ) -> dict[StationId, Rival]:
     """Stations whose place in the block is not the only one, each with its best other place.
 
-    A station is ambiguous where another place has nearly as much evidence as its own. Where nearly
-    all stations fit elsewhere, the building repeats itself, and all that do are ambiguous.
+    A station is ambiguous where another place has nearly as much evidence as its own; so is a group
+    of stations that were placed as one: equal rooms that were laid over each other hold each other
+    wherever they stand. Where nearly all stations fit elsewhere, the building repeats itself, and all
+    that do are ambiguous.
     """
     if len(block.poses) < 2:
         return {}
-    rivals = _rivals(block, scans, hypotheses, settings, range_gain)
-    close = {s: r for s, r in rivals.items() if r.evidence >= _NEARLY_AS_GOOD * r.own}
-    elsewhere = {s: r for s, r in rivals.items() if r.evidence >= _FITS_M}
-    return elsewhere if len(elsewhere) >= _ALIASED * len(block.poses) else close
+    single = [frozenset({station}) for station in block.poses]
+    parts = [part for part in block.parts if 2 * len(part) <= len(block.poses)]
+    rivals = _rivals((*single, *parts), block, scans, hypotheses, settings, range_gain)
+    elsewhere = [g for g, r in rivals.items() if len(g) == 1 and r.evidence >= _FITS_M]
+    if len(elsewhere) < _ALIASED * len(block.poses):
+        elsewhere = [g for g, r in rivals.items() if r.evidence >= _NEARLY_AS_GOOD * r.own]
+    return {
+        station: replace(rivals[group], pose=rivals[group].pose @ block.poses[station])
+        # A station's own rival is told before that of a group.
+        for group in sorted(elsewhere, key=len, reverse=True)
+        for station in block.poses
+        if station in group
+    }
 
 
 def undecided_stations(
@@ -84,33 +96,38 @@ def undecided_stations(
 
 
 def _rivals(
+    groups: Iterable[frozenset[StationId]],
     block: Block,
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
     range_gain: RangeGain,
-) -> dict[StationId, Rival]:
-    seen = _seen_by_each(block, scans, settings)
-    touching = touching_stations(hypotheses)
+) -> dict[frozenset[StationId], Rival]:
+    """Groups of stations that fit elsewhere in the rest of the block."""
+    seen, touching = _seen_by_each(block, scans, settings), touching_stations(hypotheses)
     found = {}
-    for station, pose in block.poses.items():
-        rest, alone = _without(block, station, seen), single_block(station, scans[station])
-        others = merge_candidates(rest, alone, touching)
-        others, gains = aligned_gains(rest, alone, others, scans, settings)
-        own = merge_gains(rest, alone, pose.vector[None, :], scans, settings)
+    for group in groups:
+        rest = _part(block, block.poses.keys() - group, seen)
+        part = _part(block, group, seen)
+        # In its own frame: from the block's, a turn would move it far.
+        pose = next(iter(part.poses.values()))
+        inverse = pose.inverse()
+        part = replace(part, poses={s: inverse @ place for s, place in part.poses.items()})
+        others = merge_candidates(rest, part, touching)
+        others, gains = aligned_gains(rest, part, others, scans, settings)
+        own = merge_gains(rest, part, pose.vector[None, :], scans, settings)
         places, gains = np.vstack([pose.vector, others]), np.concatenate([own, gains])
         allowed = gains >= settings.min_margin_m
         allowed[0] = True
         places, gains = places[allowed], gains[allowed]
         # Ranges speak against a place, not for it: coarse as they are, they favour many.
-        ranges = range_gain(rest.poses, alone.poses, places)
+        ranges = range_gain(rest.poses, part.poses, places)
         gains = gains + settings.range_weight_m * np.minimum(ranges - ranges[0], 0.0)
         elsewhere = np.flatnonzero(distant(places, places[0], _ELSEWHERE_M, _ELSEWHERE_RAD))
         if len(elsewhere):
             best = elsewhere[np.argmax(gains[elsewhere])]
-            found[station] = Rival(
-                Pose2.from_vector(places[best]), float(gains[best]), float(gains[0])
-            )
+            other_T_block = Pose2.from_vector(places[best]) @ inverse
+            found[group] = Rival(other_T_block, float(gains[best]), float(gains[0]))
     return found
 
 
@@ -127,24 +144,26 @@ def _seen_by_each(
     return seen
 
 
-def _without(
-    block: Block, station: StationId, seen: Mapping[StationId, Mapping[StationId, Seen]]
+def _part(
+    block: Block,
+    members: Set[StationId],
+    seen: Mapping[StationId, Mapping[StationId, Seen]],
 ) -> Block:
-    """The block as if the station had never been there."""
-    poses = {other: pose for other, pose in block.poses.items() if other != station}
+    """Some stations of the block, in its frame, as if the others had never been there."""
     return Block(
-        poses,
+        {station: pose for station, pose in block.poses.items() if station in members},
         {
-            j: _all_but([values for i, values in seen[j].items() if i != station], block.seen[j])
-            if station in seen[j]
-            else block.seen[j]
-            for j in poses
+            j: block.seen[j]
+            if seen[j].keys() <= members
+            else _together([said for i, said in seen[j].items() if i in members], block.seen[j])
+            for j in block.poses
+            if j in members
         },
     )
 
 
-def _all_but(said: Sequence[Seen], like: Seen) -> Seen:
-    """What the witnesses left say together."""
+def _together(said: Sequence[Seen], like: Seen) -> Seen:
+    """What some witnesses say together."""
     if not said:
         nothing = np.zeros_like(like.hits)
         return Seen(nothing, nothing, nothing)

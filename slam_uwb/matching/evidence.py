@@ -38,6 +38,8 @@ class Block:
     poses: Mapping[StationId, Pose2]
     """block_T_station; the block's frame is that of its first station."""
     seen: Mapping[StationId, Seen]
+    parts: tuple[frozenset[StationId], ...] = ()
+    """Groups of two stations and more that were blocks before they were merged into this one."""
 
 
 def single_block(station: StationId, scan: ScanIndex) -> Block:
@@ -160,4 +162,6 @@ def merge_blocks(
         station: Seen(values.hits[0], values.best[0], values.through[0])
         for station, values in (seen_a | seen_b).items()
     }
-    return Block({**a.poses, **{station: pose @ place for station, place in b.poses.items()}}, seen)
+    moved = {station: pose @ place for station, place in b.poses.items()}
+    groups = tuple(frozenset(part.poses) for part in (a, b) if len(part.poses) > 1)
+    return Block({**a.poses, **moved}, seen, (*a.parts, *b.parts, *groups))

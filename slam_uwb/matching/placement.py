@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import combinations
 from typing import Protocol
@@ -208,4 +208,4 @@ def _settled(
         alone = single_block(station, scans[station])
         place = (first[1].inverse() @ pose).vector
         moved = merge_blocks(moved, alone, place, scans, settings)
-    return moved
+    return replace(moved, parts=block.parts)
