@@ -29,8 +29,8 @@ from slam_uwb.batch import map_tasks
 from slam_uwb.graph import adjust_placement
 from slam_uwb.matching import REFINERS, index_scans
 from slam_uwb.matching.covariance import match_covariance
-from slam_uwb.matching.rematching import rematch_pairs
 from slam_uwb.matching.index import ScanIndex, index_scan
+from slam_uwb.matching.rematching import rematch_pairs
 from slam_uwb.model.geometry import FloatArray, Matrix3
 from slam_uwb.model.products import ScanMatch
 from slam_uwb.model.survey import Reference, Scan
