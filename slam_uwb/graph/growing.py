@@ -30,9 +30,9 @@ from .ranges import RangeTable, WeighedRanges, weigh_ranges
 from .sightings import Sightings
 from .variables import Indices, Variables, from_values
 
-_STALE_M = 1e-3
+_STALE_M = 3e-3
 """A range whose residual has moved so far is fed again when a station is added."""
-_PASSES = 3
+_PASSES = 2
 """Looks at the residuals a station; what is left is small and comes with the next."""
 _RELINEARISE = 1e-4
 """m and rad. A pose that moved less stays linearised: a tenth of it squared is nothing."""
@@ -134,10 +134,11 @@ class GrowingProblem:
         self._variables = Variables(
             poses, self._variables.anchors, self._variables.offset, self._variables.delays
         )
-        for link in links:
-            if link.rejection is None and link.anchor in self._heights:
-                self._take(station, link)
-        entered = self._enter_anchors(new, values)
+        usable = [k for k in links if k.rejection is None and k.anchor in self._heights]
+        for link in usable:
+            self._take(station, link)
+        waiting = [k.anchor for k in usable if k.anchor in self._pending]
+        entered = self._enter_anchors(waiting, new, values)
         self._update(new, values, _PASSES, _STALE_M)
         return entered
 
@@ -179,13 +180,16 @@ class GrowingProblem:
         rows.fed.append(np.inf)
 
     def _enter_anchors(
-        self, new: gtsam.NonlinearFactorGraph, values: gtsam.Values
+        self,
+        waiting: Sequence[AnchorId],
+        new: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
     ) -> tuple[AnchorId, ...]:
-        """Anchors that wait and whose place the ranges now tell."""
+        """Those of the anchors that wait whose place the ranges now tell."""
         offset = RangeOffset(self._variables.offset, self._prior.sigma)
         search = Search(self._model, OffsetPrior(offset, self._model.anchor_sigma), self._settings)
         entered = []
-        for anchor in [*self._pending]:
+        for anchor in waiting:
             found = find_point(self._seen(anchor), self._heights[anchor], search)
             if found.status is not Status.OK or found.place is None:
                 continue
