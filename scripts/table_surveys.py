@@ -5,7 +5,8 @@
 No sequence of pairs is given. Every station of every survey counts; those of a survey that is refused
 are not placed. A station is wrong if it is called `ok` and lies further than 0.3 m from where the
 others have it: the frame is that in which most stations are right, so that one wrong block is counted
-once. A used match is wrong beyond 0.05 m or 1 degree, directions that its walls leave free set aside.
+once. A used match is wrong beyond 0.05 m (where it is less sure: three of its standard deviations) or
+1 degree.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ COLUMNS = (
 )
 WRONG_M = 0.3
 MATCH_M, MATCH_DEG = 0.05, 1.0
+SIGMAS = 3.0
 CLOSE_M = 0.03
 
 
@@ -106,9 +108,9 @@ def count_wrong_matches(solution: Solution, simulation: Simulation) -> int:
         true = truth[match.target].inverse() @ truth[match.source]
         error = match.target_T_source.inverse() @ true
         values, axes = np.linalg.eigh(match.covariance[:2, :2])
-        held = axes[:, np.sqrt(values) < WRONG_M]
-        off = float(np.linalg.norm(held.T @ error.translation))
-        wrong += off > MATCH_M or abs(error.theta) > math.radians(MATCH_DEG)
+        # What a match itself says it does not know is no error.
+        off = np.abs(axes.T @ error.translation) > np.maximum(MATCH_M, SIGMAS * np.sqrt(values))
+        wrong += bool(off.any()) or abs(error.theta) > math.radians(MATCH_DEG)
     return wrong
 
 

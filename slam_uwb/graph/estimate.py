@@ -80,9 +80,9 @@ def build_estimate(problem: GraphProblem, solved: Solved, settings: GraphSetting
     )
 
 
-def is_weak(covariance: FloatArray, settings: GraphSettings) -> bool:
-    """Whether a place with this covariance (first two axes) is too uncertain to be called `ok`."""
-    return float(np.linalg.eigvalsh(covariance[:2, :2])[-1]) > settings.weak_sigma_m**2
+def is_weak(covariance: FloatArray, sigma: float) -> bool:
+    """Whether a place with this covariance (first two axes) is less sure than `sigma`, m, in any direction."""
+    return float(np.linalg.eigvalsh(covariance[:2, :2])[-1]) > sigma**2
 
 
 def _widened(problem: GraphProblem, solved: Solved) -> FloatArray:
@@ -120,7 +120,10 @@ def _station(
         )
     heading_known = station.id in solved.levers.headings
     status = Status.OK if finding is None else finding.status
-    if is_weak(blocks[station.id], settings):
+    scanned = finding is None
+    if is_weak(
+        blocks[station.id], settings.weak_pose_sigma_m if scanned else settings.weak_sigma_m
+    ):
         status = Status.WEAK_GEOMETRY
     shown = pose if heading_known else Pose2(pose.x, pose.y, 0.0)
     return StationEstimate(station.id, shown, blocks[station.id], status, heading_known)
@@ -142,7 +145,7 @@ def _anchor(
             anchor.id, None, None, height, used, finding.status, finding.alternatives
         )
     status = finding.status
-    if status is Status.OK and is_weak(blocks[anchor.id], settings):
+    if status is Status.OK and is_weak(blocks[anchor.id], settings.weak_sigma_m):
         status = Status.WEAK_GEOMETRY
     return AnchorEstimate(anchor.id, place, blocks[anchor.id], height, used, status)
 

@@ -18,6 +18,7 @@ from .hypotheses import describe_match
 from .index import ScanIndex, within_sight
 from .refiners.point_to_line import polish
 from .score import score_matches
+from .slack import with_slack
 
 _NEARLY = 0.8  # refining may add so much to the overlap
 _GLANCE = 3  # every third point is enough to see whether a pair overlaps
@@ -95,6 +96,7 @@ def _refined(
     if not refined.converged[0]:
         return None
     match = describe_match(target, source, refined.poses[0], 0, settings)
+    match = with_slack(match, target, source, settings)
     match = leave_free_directions(match, start)
     stayed = same_place(match.target_T_source, start, settings.fine_gate_m, _SAME_BASIN_RAD)
     return match if stayed and match.score >= settings.min_evidence_m else None

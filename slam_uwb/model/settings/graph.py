@@ -67,7 +67,14 @@ class GraphSettings(Section):
         description="stations closer than this share the errors of their links and count as one",
     )
     weak_sigma_m: float = Field(
-        0.5, gt=0.0, description="an anchor with a larger standard deviation is weak-geometry"
+        0.5,
+        gt=0.0,
+        description="a place found by ranges with a larger standard deviation is weak-geometry",
+    )
+    weak_pose_sigma_m: float = Field(
+        0.1,
+        gt=0.0,
+        description="a station placed by its scan with a larger one is: its walls blur the map",
     )
     anchor_inflation: float = Field(
         1.3,
