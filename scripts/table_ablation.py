@@ -3,10 +3,11 @@
     python scripts/table_ablation.py --scenes paper-office flat kolakowski-flat lias-hall --seeds 0:50
 
 Every survey is matched once; all rows are given the same matches and ranges. A row adds what its name
-says to the one above it. `kolakowski-flat` keeps its scans and matches, and the errors of its links
-are drawn anew from the published ones of the same number of walls; `lias-hall` is solved once, as it
-is. Anchor RMSE is over all anchors, after rigid alignment on the stations that are `ok`; an anchor that
-is not placed counts with the likeliest of its alternatives. Ratios are those of the medians.
+says to the one above it. Recorded surveys are solved as they are; then `kolakowski-flat` keeps its
+scans and matches, and the errors of its links are drawn anew, a seed a drawing, from the published
+ones of the same number of walls. Anchor RMSE is over all anchors, after rigid alignment on the
+stations that are `ok`; an anchor that is not placed counts with the likeliest of its alternatives.
+Ratios are those of the medians.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ from slam_uwb.model.survey import AnchorId, StationId
 from slam_uwb.simulate import Lidar
 
 SURVEYS = Path(__file__).resolve().parents[2] / "shared" / "surveys"
-REDRAWN, SOLVED_ONCE = "kolakowski-flat", "lias-hall"
-SCENES = ("paper-office", "flat", REDRAWN, SOLVED_ONCE)
+REDRAWN = "kolakowski-flat"
+RECORDED = (REDRAWN, "lias-hall")
+SCENES = ("paper-office", "flat", *RECORDED)
 SETTINGS = Settings()
 LINK_SIGMA = SETTINGS.ranging.link_sigma_m
 DELAY_SIGMA = 0.05
@@ -124,7 +126,8 @@ class Task:
     """One survey, or one drawing of a survey's ranges."""
 
     scene: str
-    seed: int
+    seed: int | None
+    """None solves a recorded survey as it is."""
     duration_s: float
     surveys: Path
 
@@ -137,10 +140,9 @@ def solve_one(task: Task) -> dict[str, Score]:
 
 def make_case(task: Task) -> Case:
     """The survey of a task, matched."""
-    if task.scene == REDRAWN:
-        return redrawn(_recorded(task.surveys / task.scene), task.surveys / task.scene, task.seed)
-    if task.scene == SOLVED_ONCE:
-        return Case(_recorded(task.surveys / task.scene), {})
+    if task.scene in RECORDED:
+        folder = task.surveys / task.scene
+        return recorded_case(_recorded(folder), folder, task.seed)
     made = simulate_survey(task.scene, task.seed, lidar=Lidar(duration=task.duration_s))
     walls = {link: count for link, (count, _) in made.link_truth.items()}
     return Case(match_survey(made.survey, made.reference, SETTINGS), walls)
@@ -152,15 +154,21 @@ def _recorded(folder: Path) -> Matched:
     return match_survey(read_survey(folder), read_reference(folder / "reference"), SETTINGS)
 
 
-def redrawn(matched: Matched, folder: Path, seed: int) -> Case:
-    """The survey with every link's error replaced by a published one of as many walls."""
-    with (folder / "reference" / "links.csv").open(newline="") as stream:
+def recorded_case(matched: Matched, folder: Path, seed: int | None) -> Case:
+    """The survey, every link's error replaced by a published one of as many walls unless seed is None."""
+    links_file = folder / "reference" / "links.csv"
+    if not links_file.exists():
+        return Case(matched, {})
+    with links_file.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    walls = {(StationId(r["station"]), AnchorId(r["anchor"])): int(r["walls"]) for r in rows}
-    errors = {(StationId(r["station"]), AnchorId(r["anchor"])): float(r["error_m"]) for r in rows}
+    names = [(StationId(row["station"]), AnchorId(row["anchor"])) for row in rows]
+    walls = {name: int(row["walls"]) for name, row in zip(names, rows, strict=True)}
+    errors = {name: float(row["error_m"]) for name, row in zip(names, rows, strict=True)}
+    if seed is None:
+        return Case(matched, walls)
     pools: dict[int, list[float]] = {}
-    for link, count in walls.items():
-        pools.setdefault(min(count, MANY_WALLS), []).append(errors[link])
+    for name, count in walls.items():
+        pools.setdefault(min(count, MANY_WALLS), []).append(errors[name])
     rng = np.random.default_rng([9000, seed])
     links = []
     for link in matched.problem.links:
@@ -168,6 +176,16 @@ def redrawn(matched: Matched, folder: Path, seed: int) -> Case:
         change = rng.choice(pools[min(walls[name], MANY_WALLS)]) - errors[name]
         links.append(replace(link, distance=link.distance + change, mean=link.mean + change))
     return Case(matched.with_links(links), walls)
+
+
+def tables(scene: str, seeds: range, duration_s: float, surveys: Path) -> dict[str, list[Task]]:
+    """Titles and tasks: a recorded survey once as it is, and with errors drawn anew where it can be."""
+    drawn = [Task(scene, seed, duration_s, surveys) for seed in seeds]
+    title = f"{scene}, seeds {seeds[0]} to {seeds[-1]}"
+    if scene not in RECORDED:
+        return {title: drawn}
+    once = {f"{scene} as recorded": [Task(scene, None, duration_s, surveys)]}
+    return once | ({title: drawn} if scene == REDRAWN else {})
 
 
 def table(scores: list[dict[str, Score]]) -> str:
@@ -206,14 +224,13 @@ def main() -> None:
     arguments = parser.parse_args()
     first, last = (int(part) for part in arguments.seeds.split(":"))
     for scene in arguments.scenes:
-        if scene in (REDRAWN, SOLVED_ONCE) and not (arguments.surveys / scene).is_dir():
+        if scene in RECORDED and not (arguments.surveys / scene).is_dir():
             print(f"\n{scene}: not found in {arguments.surveys}")
             continue
-        seeds = range(first, last if scene != SOLVED_ONCE else first + 1)
-        tasks = [Task(scene, k, arguments.duration_s, arguments.surveys) for k in seeds]
-        scores = map_tasks(solve_one, tasks, arguments.workers)
-        seeded = "" if scene == SOLVED_ONCE else f", seeds {first} to {last - 1}"
-        print(f"\n{scene}{seeded}\n\n{table(scores)}", flush=True)
+        made = tables(scene, range(first, last), arguments.duration_s, arguments.surveys)
+        for title, tasks in made.items():
+            scores = map_tasks(solve_one, tasks, arguments.workers)
+            print(f"\n{title}\n\n{table(scores)}", flush=True)
 
 
 if __name__ == "__main__":
