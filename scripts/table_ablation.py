@@ -28,7 +28,7 @@ from slam_uwb import Settings, Solution, read_reference, read_survey, simulate_s
 from slam_uwb.batch import map_tasks
 from slam_uwb.model.settings import GraphSettings
 from slam_uwb.model.survey import AnchorId, StationId
-from slam_uwb.simulate import Lidar
+from slam_uwb.simulate import Lidar, Scene
 
 SURVEYS = Path(__file__).resolve().parents[2] / "shared" / "surveys"
 REDRAWN = "kolakowski-flat"
@@ -125,7 +125,7 @@ COLUMNS = (
 class Task:
     """One survey, or one drawing of a survey's ranges."""
 
-    scene: str
+    scene: str | Scene
     seed: int | None
     """None solves a recorded survey as it is."""
     duration_s: float
@@ -140,7 +140,7 @@ def solve_one(task: Task) -> dict[str, Score]:
 
 def make_case(task: Task) -> Case:
     """The survey of a task, matched."""
-    if task.scene in RECORDED:
+    if isinstance(task.scene, str) and task.scene in RECORDED:
         folder = task.surveys / task.scene
         return recorded_case(_recorded(folder), folder, task.seed)
     made = simulate_survey(task.scene, task.seed, lidar=Lidar(duration=task.duration_s))

@@ -24,7 +24,7 @@ from joint.scores import Score, markdown, median_worst, score, share
 from slam_uwb import Settings, Solution, simulate_survey
 from slam_uwb.batch import map_tasks
 from slam_uwb.model.settings import GraphSettings
-from slam_uwb.simulate import Lidar, Radio
+from slam_uwb.simulate import Lidar, Radio, Scene
 
 SETTINGS = Settings()
 CALIBRATED = GraphSettings(radios="calibrated")
@@ -50,7 +50,7 @@ FAULT_COLUMNS = (
 class Task:
     """One survey of a scene."""
 
-    scene: str
+    scene: str | Scene
     seed: int
     duration_s: float
 

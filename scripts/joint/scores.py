@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from slam_uwb import Reference, Solution, evaluate_solution
-from slam_uwb.evaluate import GroupEvaluation
+from slam_uwb import Pose2, Reference, Solution, evaluate_solution
+from slam_uwb.evaluate import ItemEvaluation
 from slam_uwb.model.solution import Status
+from slam_uwb.model.survey import ReferencePlace
 
 ELLIPSE = 0.95
 FAR_SIGMAS = 5.0
@@ -41,7 +42,7 @@ def score(solution: Solution | None, reference: Reference) -> Score:
         return Score(len(reference.anchors), 0, 0, math.nan, 0, 0, 0, math.nan)
     evaluation = evaluate_solution(solution, reference)
     anchors = evaluation.anchors
-    inside, judged, far = coverage(anchors)
+    inside, judged, far = coverage(anchors.items)
     return Score(
         anchors=anchors.expected,
         placed=anchors.expected - anchors.unplaced,
@@ -65,13 +66,29 @@ def _decided(solution: Solution) -> Solution:
     return replace(solution, anchors=tuple(anchors))
 
 
-def coverage(group: GroupEvaluation) -> tuple[int, int, int]:
+def coverage(items: Sequence[ItemEvaluation]) -> tuple[int, int, int]:
     """Of the `ok` items with an ellipse: inside of it at 95 %, all, and further than five sigmas."""
     from scipy.stats import chi2
 
-    judged = [i for i in group.items if i.status is Status.OK and i.nees_dof]
+    judged = [i for i in items if i.status is Status.OK and i.nees_dof]
     inside = sum(i.nees <= chi2.ppf(ELLIPSE, i.nees_dof) for i in judged)
     return int(inside), len(judged), sum(i.nees > FAR_SIGMAS**2 for i in judged)
+
+
+def in_frame_of(solution: Solution, reference: Reference) -> Reference:
+    """True places in the solution's frame, without headings: an ellipse is one of places."""
+    gauge = next(s for s in solution.stations if s.id == solution.frame)
+    true = reference.stations[gauge.id]
+    world_T_reference = gauge.pose @ Pose2(true.x, true.y, true.theta).inverse()
+
+    def moved(place: ReferencePlace) -> ReferencePlace:
+        x, y = world_T_reference.transform((place.x, place.y))
+        return ReferencePlace(float(x), float(y))
+
+    return Reference(
+        {name: moved(place) for name, place in reference.stations.items()},
+        {name: moved(place) for name, place in reference.anchors.items()},
+    )
 
 
 def median_worst(values: Iterable[float]) -> tuple[float, float]:

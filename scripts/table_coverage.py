@@ -1,6 +1,6 @@
 """Table: how many of the stations and anchors called `ok` are inside their stated 95 % ellipse.
 
-    python scripts/coverage.py --scenes paper-office flat --surveys 200
+    python scripts/table_coverage.py --scenes paper-office flat --surveys 200
 
 Simulated surveys, each scene in turn. Errors are taken in the solution's own frame: the truth is
 brought to it by the station that the frame is tied to, which is left out, and by nothing else, so no
@@ -13,20 +13,12 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from joint.scores import coverage, markdown, share
+from joint.scores import coverage, in_frame_of, markdown, share
 
-from slam_uwb import (
-    Pose2,
-    Reference,
-    Solution,
-    evaluate_solution,
-    simulate_survey,
-    solve_survey,
-)
+from slam_uwb import Reference, Solution, evaluate_solution, simulate_survey, solve_survey
 from slam_uwb.batch import map_tasks
 from slam_uwb.evaluate import GroupEvaluation
-from slam_uwb.model.survey import ReferencePlace
-from slam_uwb.simulate import Lidar
+from slam_uwb.simulate import Lidar, Scene
 
 LIMITS = (0.90, 0.98)
 COLUMNS = (
@@ -38,7 +30,7 @@ COLUMNS = (
 class Task:
     """One survey of a scene."""
 
-    scene: str
+    scene: str | Scene
     seed: int
     duration_s: float
 
@@ -75,25 +67,9 @@ def own_coverage(solution: Solution, reference: Reference) -> tuple[Counts, Coun
     return count(evaluation.anchors), count(replace(evaluation.stations, items=free))
 
 
-def in_frame_of(solution: Solution, reference: Reference) -> Reference:
-    """True places in the solution's frame, without headings: an ellipse is one of places."""
-    gauge = next(s for s in solution.stations if s.id == solution.frame)
-    true = reference.stations[gauge.id]
-    world_T_reference = gauge.pose @ Pose2(true.x, true.y, true.theta).inverse()
-
-    def moved(place: ReferencePlace) -> ReferencePlace:
-        x, y = world_T_reference.transform((place.x, place.y))
-        return ReferencePlace(float(x), float(y))
-
-    return Reference(
-        {name: moved(place) for name, place in reference.stations.items()},
-        {name: moved(place) for name, place in reference.anchors.items()},
-    )
-
-
 def count(group: GroupEvaluation) -> Counts:
     """Of one survey."""
-    inside, judged, far = coverage(group)
+    inside, judged, far = coverage(group.items)
     return Counts(len(group.items), len(group.items) - len(group.not_ok), inside, judged, far)
 
 
