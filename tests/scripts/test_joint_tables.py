@@ -240,6 +240,20 @@ def test_coverage_is_that_of_the_solutions_own_frame(load, matched, made):
         },
     )
     assert counts(matched.solution, moved) == (anchors, stations)
+    # Wherever the solution was moved to.
+    axes = shift.rotation
+    aligned = replace(
+        matched.solution,
+        stations=tuple(replace(s, pose=shift @ s.pose) for s in matched.solution.stations),
+        anchors=tuple(
+            replace(
+                a, position=shift.transform(a.position), covariance=axes @ a.covariance @ axes.T
+            )
+            for a in matched.solution.anchors
+        ),
+        joint_covariance=None,
+    )
+    assert counts(aligned, made.reference) == (anchors, stations)
     # A truth ten sigmas off is outside and far, one at the estimate is inside.
     solution = matched.solution
     off = {a.id: 10.0 * math.sqrt(np.linalg.eigvalsh(a.covariance)[-1]) for a in solution.anchors}
