@@ -108,9 +108,12 @@ def solve_faulty(task: Task) -> Faulty:
 
 
 def rejected(solution: Solution | None) -> set[tuple[str, str]]:
-    """The links that a solution gives a reason against."""
-    links = () if solution is None else solution.links
-    return {(link.station, link.anchor) for link in links if link.rejection is not None}
+    """The links between placed ends that a solution gives a reason against."""
+    return {
+        (link.station, link.anchor)
+        for link in (() if solution is None else solution.links)
+        if link.rejection is not None and math.isfinite(link.residual)
+    }
 
 
 def ratios(scores: Sequence[Score], rivals: Sequence[Score]) -> list[float]:

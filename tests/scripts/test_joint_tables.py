@@ -197,7 +197,8 @@ def test_faults_are_counted_and_named(load):
     # A fifth of five links is one, of each of four anchors.
     assert found.faults == 4
     assert 0 < found.named <= 4
-    assert found.named_wrongly <= 16
+    # Of the anchors that it cannot place, the links are not called wrong.
+    assert found.named_wrongly == 0
     assert found.clean.rmse < found.spoiled.rmse
     row = load.table_robustness.fault_row("two-rooms", [found])
     assert len(row) == len(load.table_robustness.FAULT_COLUMNS)
