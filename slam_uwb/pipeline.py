@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from ._version import __version__
+from .continuation import earlier_matches, require_fit, what_moved
 from .graph import SOLVERS, adjust_placement
 from .mapping import build_floor_map, build_floor_plan, find_walls
 from .matching import (
@@ -61,6 +62,7 @@ def solve_survey(
     *,
     use_ranges: bool = True,
     align: str | Mapping[str, tuple[float, float]] | None = None,
+    earlier: Solution | None = None,
     progress: Progress = silent,
     workers: int = 1,
 ) -> Solution:
@@ -73,6 +75,9 @@ def solve_survey(
         align: `walls` turns the frame so that the main walls run along its axes; known places (x, y) m
             of two or more stations and anchors move it there. A frame that the survey's own control
             points fix stays.
+        earlier: Solution of the same survey before it had its latest stations. Only pairs of new
+            stations are matched; the matches that held the earlier map together are used as they are,
+            and its frame stays aligned as it was where `align` says nothing else.
         progress: Called with what is being done, how much of it is done, and how much there is.
         workers: Processes that match scans; the result does not depend on it.
 
@@ -83,6 +88,7 @@ def solve_survey(
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
         SettingsError: a sequence is wanted and the survey has none.
+        SlamUwbError: the earlier solution rests on what has changed since.
     """
     settings = settings or Settings()
     # By name, not in the survey's order: which scan is fitted to which must not depend on it.
@@ -95,20 +101,24 @@ def solve_survey(
         if s.upper_scan is not None
     }
     links = reduce_links(survey, settings.ranging) if use_ranges else ()
+    if earlier is not None:
+        require_fit(earlier, survey, settings, reduced, links)
+    known = earlier_matches(earlier)
     links = decide_links(links, survey.decisions)
 
     indexed = index_scans(scans, settings.matching)
     separation = least_separation(tuple(indexed), links) if links else None
     pairs = candidate_pairs(tuple(indexed), survey.sequence, settings.matching, separation)
-    hypotheses = match_pairs(pairs, indexed, settings.matching, progress, workers)
+    found = match_pairs(known.unmatched(pairs), indexed, settings.matching, progress, workers)
+    hypotheses = (*known.hypotheses, *found)
     decided = decide_pairs(survey.decisions, pairs, hypotheses, indexed, settings.matching)
     selection = select_matches(
         indexed,
         decided.hypotheses,
-        decided.pairs,
+        known.open(decided.pairs),
         settings.matching,
         adjust=adjust_placement,
-        firm=decided.firm,
+        firm=known.firm(decided.firm),
         range_gain=range_gain(survey, links),
         progress=progress,
     )
@@ -128,7 +138,7 @@ def solve_survey(
     progress("estimating poses and anchors", 0, 1)
     estimate = _solve(problem, settings.graph, selection)
     progress("estimating poses and anchors", 1, 1)
-    aligned_T_world = _alignment(estimate, align, walls_at, settings)
+    aligned_T_world = _alignment(estimate, align, earlier, walls_at, settings)
     if aligned_T_world is not None:
         estimate = change_frame(estimate, aligned_T_world)
 
@@ -141,20 +151,24 @@ def solve_survey(
     )
     estimate = _with_links(estimate, keep_links(estimate.links, survey.decisions))
     matches = (*selection.matches, *decided.dropped)
-    return _solution(
+    continued = None if earlier is None else what_moved(earlier, estimate, aligned_T_world)
+    solution = _solution(
         survey, settings, estimate, matches, floor_map, plan, reduced, outcomes, aligned_T_world
     )
+    return replace(solution, continued=continued)
 
 
 def _alignment(
     estimate: GraphEstimate,
     align: str | Mapping[str, tuple[float, float]] | None,
+    earlier: Solution | None,
     walls_at: Callable[[Mapping[StationId, Pose2]], WallPieces],
     settings: Settings,
 ) -> Pose2 | None:
     """aligned_T_world; None where nothing is asked for, or the site's own control points rule."""
     if align is None:
-        return None
+        same = earlier is not None and earlier.frame == estimate.frame
+        return earlier.alignment if earlier is not None and same else None
     if estimate.frame == "site":
         raise SlamUwbError("--align: the survey's control points fix the frame already")
     if not isinstance(align, str):

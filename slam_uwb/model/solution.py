@@ -222,6 +222,37 @@ class DecisionOutcome:
     """What in the data speaks against it; None where nothing does."""
 
 
+@dataclass(frozen=True, slots=True)
+class Move:
+    """How the estimate of a station or anchor changed since an earlier solution."""
+
+    kind: str
+    """`station` or `anchor`."""
+    id: str
+    distance: float
+    """m; NaN where the earlier or the present solution has no place for it."""
+    before: float
+    """m, one sigma along the longest axis in the earlier solution; NaN without a place."""
+    after: float
+    """m, the same now."""
+    status_before: Status
+    status_after: Status
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """The earlier solution that this one continues, and what changed since."""
+
+    checksum: str
+    """Of the earlier survey."""
+    added: tuple[StationId, ...]
+    """Stations that are new."""
+    seen_from: str | None
+    """Station from which moves are seen where the two frames differ; None: the frame is the same."""
+    moves: tuple[Move, ...]
+    """Of all stations and anchors that the earlier solution lists."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """Everything that `solve_survey` found."""
@@ -255,3 +286,5 @@ class Solution:
     """aligned_T_world where the frame was moved (`--align`) from that of station `frame`."""
     decisions: tuple[DecisionOutcome, ...] = ()
     """What became of the survey's decisions.csv."""
+    continued: Continuation | None = None
+    """None where everything was solved from scratch."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..model.solution import Solution
 from ..planning import suggest_stations
+from .moves import describe_moves
 from .page_map import build_page_map
 from .page_tables import page_tables
 from .trust import judge_anchors
@@ -79,6 +80,7 @@ def draw_report(solution: Solution) -> str:
             layers=LAYERS,
             tables=page_tables(solution, anchors),
             places=places,
+            moved=tuple(describe_moves(solution)),
             facts=tuple(solver_facts(solution)),
             changed=tuple(changed_settings(solution)),
             # The package's own files, and the only text that is not escaped.
