@@ -21,7 +21,15 @@ from .matching import (
     select_matches,
 )
 from .model.errors import DisconnectedSurveyError, SlamUwbError
-from .model.frame_change import change_frame, fit_frame, main_direction
+from .model.frame_change import (
+    Alignment,
+    DrawnPlan,
+    change_frame,
+    fit_frame,
+    fit_picture,
+    main_direction,
+    misfits,
+)
 from .model.geometry import Pose2
 from .model.products import (
     GraphProblem,
@@ -61,7 +69,7 @@ def solve_survey(
     settings: Settings | None = None,
     *,
     use_ranges: bool = True,
-    align: str | Mapping[str, tuple[float, float]] | None = None,
+    align: Alignment | None = None,
     earlier: Solution | None = None,
     progress: Progress = silent,
     workers: int = 1,
@@ -73,8 +81,8 @@ def solve_survey(
         settings: Knobs of all steps; the defaults where None.
         use_ranges: False leaves the UWB ranges out: poses and map from the scans alone.
         align: `walls` turns the frame so that the main walls run along its axes; known places (x, y) m
-            of two or more stations and anchors move it there. A frame that the survey's own control
-            points fix stays.
+            of two or more stations and anchors move it there, and so do their pixels in a picture of
+            the floor. A frame that the survey's own control points fix stays.
         earlier: Solution of the same survey before it had its latest stations. Only pairs of new
             stations are matched; the matches that held the earlier map together are used as they are,
             and its frame stays aligned as it was where `align` says nothing else.
@@ -138,7 +146,7 @@ def solve_survey(
     progress("estimating poses and anchors", 0, 1)
     estimate = _solve(problem, settings.graph, selection)
     progress("estimating poses and anchors", 1, 1)
-    aligned_T_world = _alignment(estimate, align, earlier, walls_at, settings)
+    aligned_T_world, picture = _alignment(estimate, align, earlier, walls_at, settings)
     if aligned_T_world is not None:
         estimate = change_frame(estimate, aligned_T_world)
 
@@ -155,27 +163,32 @@ def solve_survey(
     solution = _solution(
         survey, settings, estimate, matches, floor_map, plan, reduced, outcomes, aligned_T_world
     )
-    return replace(solution, continued=continued)
+    warnings = (*solution.warnings, *misfits(estimate, align, picture))
+    return replace(solution, continued=continued, picture=picture, warnings=warnings)
 
 
 def _alignment(
     estimate: GraphEstimate,
-    align: str | Mapping[str, tuple[float, float]] | None,
+    align: Alignment | None,
     earlier: Solution | None,
     walls_at: Callable[[Mapping[StationId, Pose2]], WallPieces],
     settings: Settings,
-) -> Pose2 | None:
-    """aligned_T_world; None where nothing is asked for, or the site's own control points rule."""
+) -> tuple[Pose2 | None, FloorMap | None]:
+    """aligned_T_world and the picture it is aligned to; None where nothing is asked for."""
     if align is None:
         same = earlier is not None and earlier.frame == estimate.frame
-        return earlier.alignment if earlier is not None and same else None
+        return (
+            (earlier.alignment, earlier.picture) if earlier is not None and same else (None, None)
+        )
     if estimate.frame == "site":
         raise SlamUwbError("--align: the survey's control points fix the frame already")
+    if isinstance(align, DrawnPlan):
+        return fit_picture(estimate, align)
     if not isinstance(align, str):
-        return fit_frame(estimate, align)
+        return fit_frame(estimate, align), None
     walls = walls_at({s.id: s.pose for s in estimate.stations if s.pose is not None})
     ends = walls.ends[walls.probability >= settings.mapping.room_wall_probability]
-    return Pose2(0.0, 0.0, -main_direction(ends)) if len(ends) else None
+    return Pose2(0.0, 0.0, -main_direction(ends)) if len(ends) else None, None
 
 
 def _with_links(estimate: GraphEstimate, links: tuple[LinkMeasurement, ...]) -> GraphEstimate:

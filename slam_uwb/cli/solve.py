@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .alignment import AlignOption, parse_alignment
 from .options import (
     JsonOption,
     Mode,
@@ -42,15 +41,6 @@ _OutOption = Annotated[
 _NoRangesOption = Annotated[
     bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
 ]
-_AlignOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="walls|ID=X,Y",
-        show_default=False,
-        help="Frame of all results: `walls` turns the main walls along the axes; two or more "
-        "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
-    ),
-]
 _ContinueOption = Annotated[
     Path | None,
     typer.Option(
@@ -71,7 +61,7 @@ def solve(
     pairs: PairsOption = None,
     settings: SettingsOption = None,
     no_ranges: _NoRangesOption = False,
-    align: _AlignOption = None,
+    align: AlignOption = None,
     earlier: _ContinueOption = None,
     workers: WorkersOption = 1,
     as_json: JsonOption = False,
@@ -109,25 +99,6 @@ def _read_earlier(folder: Path) -> Solution:
     from ..io import read_solution
 
     return read_solution(folder)
-
-
-def parse_alignment(words: Sequence[str]) -> str | dict[str, tuple[float, float]] | None:
-    """`walls`, or places by identifier; SettingsError for anything else."""
-    from ..model.errors import SettingsError
-
-    if list(words) in ([], ["walls"]):
-        return words[0] if words else None
-    places = {}
-    for word in words:
-        name, _, place = word.rpartition("=")
-        try:
-            x, y = map(float, place.split(","))
-        except ValueError:
-            x = y = math.nan
-        if not name or not math.isfinite(x + y):
-            raise SettingsError("--align", f"{word!r}: expected `walls`, or ID=X,Y in metres")
-        places[name] = (x, y)
-    return places
 
 
 def choose_settings(

@@ -77,6 +77,7 @@ def _solution(document: doc.SolutionDocument) -> Solution:
         tag_heights={StationId(name): value for name, value in document.tag_heights_m.items()},
         alignment=None if document.alignment is None else _pose(document.alignment),
         plan=None if document.plan is None else _plan(document.plan),
+        picture=None if document.picture is None else _map(document.picture),
         continued=None if document.continued is None else _continued(document.continued),
     )
 

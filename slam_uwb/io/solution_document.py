@@ -233,6 +233,10 @@ class SolutionDocument(_Document):
     # Not there in solutions of the first version.
     decisions: list[DecisionDocument] = []
     plan: PlanDocument | None = None
+    picture: MapDocument | None = Field(
+        default=None,
+        description="that the frame was aligned to; cells tell how dark it is, none is unknown",
+    )
     continued: ContinuationDocument | None = Field(
         default=None, description="null: solved from scratch"
     )

@@ -48,6 +48,7 @@ def solution_json(solution: Solution) -> bytes:
         decisions=[_decision(item) for item in solution.decisions],
         tag_heights_m={str(name): height for name, height in solution.tag_heights.items()},
         alignment=None if solution.alignment is None else _pose(solution.alignment),
+        picture=None if solution.picture is None else _map(solution.picture),
         continued=None if solution.continued is None else _continued(solution.continued),
         plan=None if solution.plan is None else _plan(solution.plan),
         settings=solution.settings.model_dump(mode="json"),

@@ -286,5 +286,7 @@ class Solution:
     """aligned_T_world where the frame was moved (`--align`) from that of station `frame`."""
     decisions: tuple[DecisionOutcome, ...] = ()
     """What became of the survey's decisions.csv."""
+    picture: FloorMap | None = None
+    """The picture that the frame was aligned to, in that frame; darkness in place of occupancy."""
     continued: Continuation | None = None
     """None where everything was solved from scratch."""
