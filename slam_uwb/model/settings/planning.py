@@ -33,9 +33,11 @@ class PlanningSettings(Section):
         description="expected error of a range in line of sight, its anchor's own included",
     )
     wall_sigma_m: float = Field(
-        0.35,
+        0.25,
         gt=0.0,
-        description="what each wall on the way adds to it (root of the sum of squares)",
+        description="what each wall on the way adds to it (root of the sum of squares); less than the "
+        "scatter of a wall's delay, 0.35 m, since a delay is never negative: what counts is the "
+        "Fisher information",
     )
     shared_radius_m: float = Field(
         1.0,

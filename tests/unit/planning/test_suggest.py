@@ -98,8 +98,10 @@ def test_kalmans_update_by_hand():
     r = math.exp(-np.linalg.norm(found.place - [1.0, 1.0]) / SETTINGS.shared_radius_m)
     variance = SETTINGS.sight_sigma_m**2 * (1.0 + r) / (1.0 - r)
     slope = abs(found.place[1] - 3.0) / np.linalg.norm(found.place - [4.0, 3.0])
-    left = 1.0 - slope**2 / (slope**2 + variance)
-    assert found.after == pytest.approx(math.sqrt(left), rel=0.002)
+    # One range in ten thousand is not heard even there.
+    heard = hearing_probability(np.array(0.0), np.linalg.norm(found.place - [4.0, 3.0]), 36.0)
+    left = 1.0 - heard * slope**2 / (slope**2 + variance)
+    assert found.after == pytest.approx(math.sqrt(left), rel=1e-4)
 
 
 def test_walls_in_between_make_a_place_worth_less():
@@ -177,7 +179,7 @@ def test_a_place_that_hears_nothing_tells_nothing():
     assert found.place[0] > 4.8
     one = hearing_probability(np.array([0.0, 5.0]), np.array([5.0, 5.0]), 36.0)
     assert one[0] > 0.99
-    assert one[1] < 0.05
+    assert one[1] < 0.2
 
 
 def test_what_the_survey_heard_says_what_will_be_heard():
@@ -204,13 +206,13 @@ def test_what_the_survey_heard_says_what_will_be_heard():
 
 
 def test_a_scan_that_may_not_match_is_worth_less():
-    """The right half of the room is unknown beyond 5 m: two places see the anchor alike, one less sure."""
+    """Left and right see the anchor alike, but nobody has seen the wall on the right."""
     floor_map = room(8.0, 6.0)
-    floor_map.occupancy[:, 60:] = np.nan
+    floor_map.occupancy[:, 50:] = np.nan
     (found,) = suggest_stations(
-        solution([anchor(4.0, 3.0, 1.0, 1e-4)], floor_map=floor_map), 1, SETTINGS
+        solution([anchor(2.35, 3.0, 1.0, 1e-4)], ((2.35, 0.8),), floor_map=floor_map), 1, SETTINGS
     )
-    assert found.place[0] < 4.0
+    assert found.place[0] < 2.35
     assert found.known_view >= SETTINGS.sure_known_view
 
 
