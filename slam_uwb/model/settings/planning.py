@@ -33,19 +33,18 @@ class PlanningSettings(Section):
         description="expected error of a range in line of sight, its anchor's own included",
     )
     wall_sigma_m: float = Field(
-        0.25,
+        0.35,
         gt=0.0,
-        description="what each wall on the way adds to it (root of the sum of squares); less than the "
-        "scatter of a wall's delay, 0.35 m, since a delay is never negative: what counts is the "
-        "Fisher information",
+        description="what each wall on the way adds to it (root of the sum of squares)",
     )
     shared_radius_m: float = Field(
-        1.0,
+        2.0,
         gt=0.0,
-        description="distance over which the correlation of two stations' range errors falls to 1/e",
+        description="distance over which the correlation of two stations' range errors falls to 1/e: "
+        "half a room, past the same wall and cupboard",
     )
     useless_m: float = Field(
-        1.0,
+        0.5,
         gt=0.0,
-        description="expected error from which on an anchor is of no use, however wrong it is",
+        description="expected error of an anchor that is of little use; how much more it is hardly counts",
     )
