@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 from ._version import __version__
+from .continuation import Earlier, earlier_matches, require_fit, what_moved
 from .graph import SOLVERS, adjust_placement
 from .mapping import build_floor_map, build_floor_plan, find_walls
 from .matching import (
@@ -22,7 +24,15 @@ from .matching import (
     select_matches,
 )
 from .model.errors import DisconnectedSurveyError, SlamUwbError
-from .model.frame_change import change_frame, fit_frame, main_direction
+from .model.frame_change import (
+    Alignment,
+    DrawnPlan,
+    change_frame,
+    fit_frame,
+    fit_picture,
+    main_direction,
+    misfits,
+)
 from .model.geometry import Pose2
 from .model.products import (
     GraphProblem,
@@ -54,7 +64,6 @@ from .ranging import (
 )
 from .scan import prepare_scan, reduce_scan
 
-Align = str | Mapping[str, tuple[float, float]] | None
 WallsAt = Callable[[Mapping[StationId, Pose2]], WallPieces]
 """The walls that the survey's scans show from world_T_station."""
 
@@ -64,7 +73,8 @@ def solve_survey(
     settings: Settings | None = None,
     *,
     use_ranges: bool = True,
-    align: Align = None,
+    align: Alignment | None = None,
+    earlier: Solution | None = None,
     progress: Progress = silent,
     workers: int = 1,
 ) -> Solution:
@@ -75,8 +85,11 @@ def solve_survey(
         settings: Knobs of all steps; the defaults where None.
         use_ranges: False leaves the UWB ranges out: poses and map from the scans alone.
         align: `walls` turns the frame so that the main walls run along its axes; known places (x, y) m
-            of two or more stations and anchors move it there. Refused where the survey's own control
-            points fix the frame.
+            of two or more stations and anchors move it there, and so do their pixels in a picture of
+            the floor. Refused where the survey's own control points fix the frame.
+        earlier: Solution of the same survey before it had its latest stations. Only pairs of new
+            stations are matched; the matches that held the earlier map together are used as they are,
+            and its frame stays aligned as it was where `align` says nothing else.
         progress: Called with what is being done, how much of it is done, and how much there is.
         workers: Processes that match scans; the result does not depend on it.
 
@@ -87,21 +100,26 @@ def solve_survey(
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
         SettingsError: a sequence is wanted and the survey has none.
-        SlamUwbError: the frame cannot be aligned as asked.
+        SlamUwbError: the frame cannot be aligned as asked, or the earlier solution rests on what has
+            changed since.
         SolverError: the joint problem could not be solved.
     """
     settings = settings or Settings()
     survey = survey if use_ranges else survey.without_ranges()
     # Each recording and each link alone.
     reduced, scans, upper_scans = _prepare(survey, settings.scan)
-    links = decide_links(reduce_links(survey, settings.ranging), survey.decisions)
+    links = reduce_links(survey, settings.ranging)
+    if earlier is not None:
+        require_fit(earlier, survey, settings, reduced, links)
+    links = decide_links(links, survey.decisions)
     # Which scans hold together, and how.
-    decided, selection = _match(survey, scans, links, settings.matching, progress, workers)
+    known = earlier_matches(earlier)
+    decided, selection = _match(survey, scans, links, known, settings.matching, progress, workers)
     # Where the stations and the anchors are.
     walls_at = partial(find_walls, scans, settings=settings.mapping, upper_scans=upper_scans)
     problem = _problem(survey, selection, links, settings, walls_at if scans else None)
     estimate = _solve(problem, settings.graph, selection, progress)
-    aligned_T_world = _alignment(estimate, align, walls_at, settings.mapping)
+    aligned_T_world, picture = _alignment(estimate, align, earlier, walls_at, settings.mapping)
     if aligned_T_world is not None:
         estimate = change_frame(estimate, aligned_T_world)
     # What the building looks like.
@@ -113,9 +131,12 @@ def solve_survey(
     )
     estimate = estimate.with_links(keep_links(estimate.links, survey.decisions))
     matches = (*selection.matches, *decided.dropped)
-    return _solution(
+    continued = None if earlier is None else what_moved(earlier, estimate, aligned_T_world)
+    solution = _solution(
         survey, settings, estimate, matches, floor_map, plan, reduced, outcomes, aligned_T_world
     )
+    warnings = (*solution.warnings, *misfits(estimate, align, picture))
+    return replace(solution, continued=continued, picture=picture, warnings=warnings)
 
 
 def _prepare(
@@ -137,6 +158,7 @@ def _match(
     survey: Survey,
     prepared: Mapping[StationId, PreparedScan],
     links: Sequence[LinkMeasurement],
+    known: Earlier,
     settings: MatchingSettings,
     progress: Progress,
     workers: int,
@@ -145,15 +167,16 @@ def _match(
     scans = index_scans(prepared, settings)
     separation = least_separation(tuple(scans), links)
     pairs = candidate_pairs(tuple(scans), survey.sequence, settings, separation)
-    hypotheses = match_pairs(pairs, scans, settings, progress, workers)
+    found = match_pairs(known.unmatched(pairs), scans, settings, progress, workers)
+    hypotheses = (*known.hypotheses, *found)
     decided = decide_pairs(survey.decisions, pairs, hypotheses, scans, settings)
     selection = select_matches(
         scans,
         decided.hypotheses,
-        decided.pairs,
+        known.open(decided.pairs),
         settings,
         adjust=adjust_placement,
-        firm=decided.firm,
+        firm=known.firm(decided.firm),
         range_gain=range_gain(survey, links),
         progress=progress,
     )
@@ -198,18 +221,25 @@ def _solve(
 
 
 def _alignment(
-    estimate: GraphEstimate, align: Align, walls_at: WallsAt, settings: MappingSettings
-) -> Pose2 | None:
-    """aligned_T_world; None where nothing is asked for, or no wall is seen to align with."""
+    estimate: GraphEstimate,
+    align: Alignment | None,
+    earlier: Solution | None,
+    walls_at: WallsAt,
+    settings: MappingSettings,
+) -> tuple[Pose2 | None, FloorMap | None]:
+    """aligned_T_world and the picture it is aligned to; None where nothing is asked for, or to align with."""
     if align is None:
-        return None
+        same = earlier is not None and earlier.frame == estimate.frame
+        return (earlier.alignment, earlier.picture) if earlier and same else (None, None)
     if estimate.frame == "site":
         raise SlamUwbError("--align: the survey's control points fix the frame already")
+    if isinstance(align, DrawnPlan):
+        return fit_picture(estimate, align)
     if not isinstance(align, str):
-        return fit_frame(estimate, align)
+        return fit_frame(estimate, align), None
     walls = walls_at(estimate.poses)
     ends = walls.ends[walls.probability >= settings.room_wall_probability]
-    return Pose2(0.0, 0.0, -main_direction(ends)) if len(ends) else None
+    return Pose2(0.0, 0.0, -main_direction(ends)) if len(ends) else None, None
 
 
 def _draw(

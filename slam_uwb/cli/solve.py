@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .alignment import AlignOption, parse_alignment
 from .options import (
     JsonOption,
     Mode,
@@ -27,6 +26,7 @@ from .targets import refuse_solution_target
 
 if TYPE_CHECKING:
     from ..model.settings import Settings
+    from ..model.solution import Solution
 
 
 _OutOption = Annotated[
@@ -41,13 +41,15 @@ _OutOption = Annotated[
 _NoRangesOption = Annotated[
     bool, typer.Option("--no-ranges", help="Use the scans alone: map and station poses.")
 ]
-_AlignOption = Annotated[
-    list[str] | None,
+_ContinueOption = Annotated[
+    Path | None,
     typer.Option(
-        metavar="walls|ID=X,Y",
+        "--continue",
+        metavar="OUT",
         show_default=False,
-        help="Frame of all results: `walls` turns the main walls along the axes; two or more "
-        "stations or anchors with their places in metres (A1=0.1,7.5) move it there.",
+        help="Solution of this survey from before it had its latest stations: only these are matched, "
+        "with the settings of that solution, and the report says what moved. Refused where "
+        "anything that it rests on has changed. May be the folder given with --out.",
     ),
 ]
 
@@ -59,7 +61,8 @@ def solve(
     pairs: PairsOption = None,
     settings: SettingsOption = None,
     no_ranges: _NoRangesOption = False,
-    align: _AlignOption = None,
+    align: AlignOption = None,
+    earlier: _ContinueOption = None,
     workers: WorkersOption = 1,
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
@@ -69,7 +72,8 @@ def solve(
     What cannot be told is left empty and says why in its `status`. OUT is complete or not there.
     """
     refuse_solution_target(out, survey)
-    chosen = choose_settings(settings, mode, pairs)
+    known = None if earlier is None else _read_earlier(earlier)
+    chosen = choose_settings(settings, mode, pairs, None if known is None else known.settings)
     frame = parse_alignment(align or [])
     sound = read_sound_survey(survey)
 
@@ -78,8 +82,9 @@ def solve(
 
     with progress_bar() as progress:
         solution = solve_survey(
-            sound, chosen, use_ranges=not no_ranges, align=frame, progress=progress, workers=workers
-        )
+            sound, chosen, use_ranges=not no_ranges, align=frame, earlier=known,
+            progress=progress, workers=workers,
+        )  # fmt: skip
         progress("drawing and writing", 0, 1)
         from ..report.page import REPORT
         from ..report.pictures import FIGURE, solution_pictures
@@ -90,30 +95,19 @@ def solve(
     print_summary(solution, out, out / FIGURE, out / REPORT, as_json=as_json)
 
 
-def parse_alignment(words: Sequence[str]) -> str | dict[str, tuple[float, float]] | None:
-    """`walls`, or places by identifier; SettingsError for anything else."""
-    from ..model.errors import SettingsError
+def _read_earlier(folder: Path) -> Solution:
+    from ..io import read_solution
 
-    if list(words) in ([], ["walls"]):
-        return words[0] if words else None
-    places = {}
-    for word in words:
-        name, _, place = word.rpartition("=")
-        try:
-            x, y = map(float, place.split(","))
-        except ValueError:
-            x = y = math.nan
-        if not name or not math.isfinite(x + y):
-            raise SettingsError("--align", f"{word!r}: expected `walls`, or ID=X,Y in metres")
-        places[name] = (x, y)
-    return places
+    return read_solution(folder)
 
 
-def choose_settings(source: str | None, mode: Mode | None, pairs: Pairs | None) -> Settings:
-    """Settings of a preset or file, with what the command line says on top."""
+def choose_settings(
+    source: str | None, mode: Mode | None, pairs: Pairs | None, default: Settings | None = None
+) -> Settings:
+    """Settings of a preset or file (`default` where none is named), with what the command line says on top."""
     from ..io import read_settings
 
-    settings = read_settings("default" if source is None else source)
+    settings = default if source is None and default else read_settings(source or "default")
     if mode is not None:
         settings = settings.model_copy(
             update={"graph": settings.graph.model_copy(update={"mode": mode.value})}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from ..model.solution import AnchorEstimate, Solution, StationEstimate
+    from ..model.solution import AnchorEstimate, Continuation, Solution, StationEstimate
 
     Estimates = Sequence[StationEstimate] | Sequence[AnchorEstimate]
 
@@ -25,6 +26,8 @@ def print_summary(
     solution: Solution, out: Path, figure: Path, report: Path, *, as_json: bool
 ) -> None:
     """The result of one solve, to stdout."""
+    from ..report.moves import describe_moves
+
     summary = summarise(solution)
     if as_json:
         typer.echo(
@@ -35,6 +38,8 @@ def print_summary(
         return
     for line in format_summary(summary):
         typer.echo(line)
+    for line in describe_moves(solution):
+        typer.echo(f"continued {line}")
     typer.echo(f"solution  {out}")
     typer.echo(f"picture   {figure}")
     typer.echo(f"report    {report}")
@@ -49,6 +54,31 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "stations": _count(solution.stations),
         "anchors": _count(solution.anchors),
         "warnings": list(solution.warnings),
+        "continued": None if solution.continued is None else _moves(solution.continued),
+    }
+
+
+def _moves(continued: Continuation) -> dict[str, Any]:
+    """What was added and how far all else moved; null is what has no place or no uncertainty."""
+
+    def known(value: float) -> float | None:
+        return round(value, 4) if math.isfinite(value) else None
+
+    return {
+        "added": [str(name) for name in continued.added],
+        "seen_from": continued.seen_from,
+        "moves": [
+            {
+                "kind": move.kind,
+                "id": move.id,
+                "moved_m": known(move.distance),
+                "sigma_before_m": known(move.before),
+                "sigma_after_m": known(move.after),
+                "status_before": str(move.status_before),
+                "status_after": str(move.status_after),
+            }
+            for move in continued.moves
+        ],
     }
 
 

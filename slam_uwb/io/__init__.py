@@ -12,6 +12,7 @@ from .growing_survey import (
     recorded_stations,
     start_survey,
 )
+from .picture import read_picture
 from .reference import read_reference
 from .settings_file import format_settings, read_settings
 from .solution_folder import read_solution, write_solution
@@ -29,6 +30,7 @@ __all__ = [
     "format_settings",
     "known_radios",
     "put_anchor",
+    "read_picture",
     "read_reference",
     "read_settings",
     "read_solution",

@@ -16,9 +16,11 @@ from ..model.solution import (
     Alternative,
     AnchorEstimate,
     Bias,
+    Continuation,
     DecisionOutcome,
     FloorMap,
     FloorPlan,
+    Move,
     Room,
     Solution,
     SolverChecks,
@@ -75,6 +77,8 @@ def _solution(document: doc.SolutionDocument) -> Solution:
         tag_heights={StationId(name): value for name, value in document.tag_heights_m.items()},
         alignment=None if document.alignment is None else _pose(document.alignment),
         plan=None if document.plan is None else _plan(document.plan),
+        picture=None if document.picture is None else _map(document.picture),
+        continued=None if document.continued is None else _continued(document.continued),
     )
 
 
@@ -95,6 +99,26 @@ def _decision(item: doc.DecisionDocument) -> DecisionOutcome:
     guess = None if item.guess is None else _pose(item.guess)
     decision = Decision(item.kind, item.a, item.b, item.decision, guess)
     return DecisionOutcome(decision, item.effect, item.contradiction)
+
+
+def _continued(item: doc.ContinuationDocument) -> Continuation:
+    return Continuation(
+        checksum=item.checksum,
+        added=tuple(map(StationId, item.added)),
+        seen_from=item.seen_from,
+        moves=tuple(
+            Move(
+                move.kind,
+                move.id,
+                _float(move.distance_m),
+                _float(move.sigma_before_m),
+                _float(move.sigma_after_m),
+                move.status_before,
+                move.status_after,
+            )
+            for move in item.moves
+        ),
+    )
 
 
 def _float(value: float | None) -> float:

@@ -189,6 +189,29 @@ class DecisionDocument(_Document):
     contradiction: str | None = Field(description="what in the data speaks against it")
 
 
+class MoveDocument(_Document):
+    """How one station or anchor changed since the earlier solution."""
+
+    kind: Literal["station", "anchor"]
+    id: str
+    distance_m: Real = Field(description="null where one of the two solutions has no place")
+    sigma_before_m: Real = Field(description="along the longest axis")
+    sigma_after_m: Real
+    status_before: Status
+    status_after: Status
+
+
+class ContinuationDocument(_Document):
+    """The earlier solution that this one continues."""
+
+    checksum: str = Field(description="of the earlier survey")
+    added: list[str] = Field(description="stations that are new")
+    seen_from: str | None = Field(
+        description="station from which moves are seen; null: both frames are the same"
+    )
+    moves: list[MoveDocument]
+
+
 class SolutionDocument(_Document):
     """Everything that was found about one survey."""
 
@@ -210,6 +233,13 @@ class SolutionDocument(_Document):
     # Not there in solutions of the first version.
     decisions: list[DecisionDocument] = []
     plan: PlanDocument | None = None
+    picture: MapDocument | None = Field(
+        default=None,
+        description="that the frame was aligned to; cells tell how dark it is, none is unknown",
+    )
+    continued: ContinuationDocument | None = Field(
+        default=None, description="null: solved from scratch"
+    )
     alignment: PoseDocument | None = Field(
         default=None, description="from the frame of the station to that of all places here"
     )

@@ -11,6 +11,7 @@ from ..model.solution import (
     Alternative,
     AnchorEstimate,
     Bias,
+    Continuation,
     DecisionOutcome,
     FloorMap,
     FloorPlan,
@@ -47,6 +48,8 @@ def solution_json(solution: Solution) -> bytes:
         decisions=[_decision(item) for item in solution.decisions],
         tag_heights_m={str(name): height for name, height in solution.tag_heights.items()},
         alignment=None if solution.alignment is None else _pose(solution.alignment),
+        picture=None if solution.picture is None else _map(solution.picture),
+        continued=None if solution.continued is None else _continued(solution.continued),
         plan=None if solution.plan is None else _plan(solution.plan),
         settings=solution.settings.model_dump(mode="json"),
         floor_map=None if solution.floor_map is None else _map(solution.floor_map),
@@ -85,6 +88,28 @@ def _decision(item: DecisionOutcome) -> doc.DecisionDocument:
             "guess": None if decision.guess is None else _pose(decision.guess),
             "effect": item.effect,
             "contradiction": item.contradiction,
+        }
+    )
+
+
+def _continued(item: Continuation) -> doc.ContinuationDocument:
+    return doc.ContinuationDocument.model_validate(
+        {
+            "checksum": item.checksum,
+            "added": [str(name) for name in item.added],
+            "seen_from": item.seen_from,
+            "moves": [
+                {
+                    "kind": move.kind,
+                    "id": move.id,
+                    "distance_m": real(move.distance),
+                    "sigma_before_m": real(move.before),
+                    "sigma_after_m": real(move.after),
+                    "status_before": move.status_before,
+                    "status_after": move.status_after,
+                }
+                for move in item.moves
+            ],
         }
     )
 

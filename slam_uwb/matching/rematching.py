@@ -54,8 +54,10 @@ def rematch_pairs(
     A pair whose match leaves the placement by more than the fine gate, or that confirms less than
     `min_evidence_m` of wall, says nothing. Pairs with less overlap than `min_overlap` are weaker
     than what their neighbours bring: they are used only where no other pair joins their stations.
-    Of a pair that has none, a `firm` match is taken as it is.
+    Of a pair that has none, or that is not to be matched again, a `firm` match is taken as it is.
     """
+    again = {frozenset(pair) for pair in pairs}
+    joined = [match for match in firm if match.ends not in again]
     glances = [
         glance
         for target, source in pairs
@@ -64,10 +66,10 @@ def rematch_pairs(
     ]
     matches = [
         match
-        for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap)
+        for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap, joined)
         if (match := _refined(glance, scans, settings, until_still=until_still)) is not None
     ]
-    return with_firm(_strong_or_joining(matches, settings.min_overlap), firm, placement)
+    return with_firm(_strong_or_joining(matches, settings.min_overlap, joined), firm, placement)
 
 
 def _glance(
@@ -114,15 +116,21 @@ def leave_free_directions(match: ScanMatch, start: Pose2) -> ScanMatch:
     return replace(match, target_T_source=start @ Pose2.from_vector(held @ (held.T @ step)))
 
 
-def _strong_or_joining(matches: Sequence[_Pair], min_overlap: float) -> tuple[_Pair, ...]:
-    """All matches with enough overlap, and of the others those that join groups, the best first."""
+def _strong_or_joining(
+    matches: Sequence[_Pair], min_overlap: float, joined: Sequence[ScanMatch]
+) -> tuple[_Pair, ...]:
+    """All matches with enough overlap, and of the others those that join groups, the best first.
+
+    `joined` matches are used anyway: what they join needs no other.
+    """
     group: dict[StationId, int] = {}
     used = set()
-    for index in sorted(range(len(matches)), key=lambda i: -matches[i].overlap):
-        match = matches[index]
+    rows: list[tuple[int, _Pair | ScanMatch]] = [(-1, match) for match in joined]
+    rows += sorted(enumerate(matches), key=lambda row: -row[1].overlap)
+    for index, match in rows:
         a = group.setdefault(match.target, len(group))
         b = group.setdefault(match.source, len(group))
-        if match.overlap >= min_overlap or a != b:
+        if index < 0 or match.overlap >= min_overlap or a != b:
             used.add(index)
             group = {station: a if label == b else label for station, label in group.items()}
     return tuple(match for index, match in enumerate(matches) if index in used)

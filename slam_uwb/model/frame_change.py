@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .errors import SlamUwbError
-from .geometry import FloatArray, Points, Pose2, rotation_matrix
-from .solution import Alternative, AnchorEstimate, GraphEstimate, StationEstimate
+from .geometry import FloatArray, Grid, Points, Pose2, rotation_matrix
+from .solution import Alternative, AnchorEstimate, FloorMap, GraphEstimate, StationEstimate
 
 
 def change_frame(estimate: GraphEstimate, new_T_world: Pose2) -> GraphEstimate:
@@ -26,6 +26,27 @@ def change_frame(estimate: GraphEstimate, new_T_world: Pose2) -> GraphEstimate:
     )
 
 
+_MISFIT_M = 0.25
+"""Points that are further off were marked or measured wrongly; a good solution is right to centimetres."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnPlan:
+    """A picture of the floor with stations or anchors marked in it."""
+
+    darkness: Grid
+    """(H, W) 0-1, row 0 at the bottom; coarser than the picture where that is large."""
+    pixels_a_cell: float
+    height: float
+    """Pixels of the picture itself."""
+    points: Mapping[str, tuple[float, float]]
+    """Column and row in pixels from the picture's upper left corner, by station or anchor."""
+
+
+Alignment = str | Mapping[str, tuple[float, float]] | DrawnPlan
+"""`walls`; known places (x, y) m of stations and anchors; or a picture in which they are marked."""
+
+
 def fit_frame(estimate: GraphEstimate, known: Mapping[str, tuple[float, float]]) -> Pose2:
     """site_T_world that brings stations and anchors closest to their known places, without scale.
 
@@ -34,6 +55,64 @@ def fit_frame(estimate: GraphEstimate, known: Mapping[str, tuple[float, float]])
     Raises:
         SlamUwbError: fewer than two of them have a place, or their places coincide.
     """
+    source, target = _known_places(estimate, known)
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    theta = math.atan2(float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])), float(np.sum(a * b)))
+    x, y = target.mean(axis=0) - rotation_matrix(theta) @ source.mean(axis=0)
+    return Pose2(float(x), float(y), theta)
+
+
+def fit_picture(estimate: GraphEstimate, drawn: DrawnPlan) -> tuple[Pose2, FloorMap]:
+    """picture_T_world, and the picture in its own frame: origin at its lower left corner, x along its width.
+
+    How many metres a pixel is follows from the points (the symmetric scale of Horn 1987): they
+    must be as far apart as in the solution.
+
+    Raises:
+        SlamUwbError: as `fit_frame`.
+    """
+    upright = _upright(drawn, 1.0)
+    places, pixels = (points - points.mean(axis=0) for points in _known_places(estimate, upright))
+    scale = float(np.linalg.norm(places) / np.linalg.norm(pixels))
+    picture = FloorMap(drawn.darkness, scale * drawn.pixels_a_cell, (0.0, 0.0))
+    return fit_frame(estimate, _upright(drawn, scale)), picture
+
+
+def misfits(
+    estimate: GraphEstimate, align: Alignment | None, picture: FloorMap | None
+) -> Iterator[str]:
+    """Warnings about points that an alignment leaves far from where they were given.
+
+    Args:
+        estimate: in the aligned frame.
+        align: what was asked for.
+        picture: in the aligned frame, where one was given.
+    """
+    if align is None or isinstance(align, str):
+        return
+    if isinstance(align, DrawnPlan):
+        scale = picture.resolution / align.pixels_a_cell if picture else math.nan
+        known: Mapping[str, tuple[float, float]] = _upright(align, scale)
+    else:
+        known = align
+    for name, place, given in zip(known, *_known_places(estimate, known), strict=True):
+        away = float(np.linalg.norm(place - given))
+        if away > _MISFIT_M:
+            yield f"--align: {name} is {away:.2f} m from where it was given: check the points"
+
+
+def _upright(drawn: DrawnPlan, scale: float) -> dict[str, tuple[float, float]]:
+    """The points of a picture from its lower left corner, y upwards, times a scale."""
+    return {
+        name: (scale * column, scale * (drawn.height - row))
+        for name, (column, row) in drawn.points.items()
+    }
+
+
+def _known_places(
+    estimate: GraphEstimate, known: Mapping[str, tuple[float, float]]
+) -> tuple[Points, Points]:
+    """(K, 2) the places of the solution and what is known of them, two or more and not all one."""
     places: dict[str, Points] = {
         str(s.id): s.pose.translation for s in estimate.stations if s.pose is not None
     }
@@ -45,12 +124,9 @@ def fit_frame(estimate: GraphEstimate, known: Mapping[str, tuple[float, float]])
         raise SlamUwbError("--align: two points are needed to fix a frame")
     source = np.array([places[name] for name in known])
     target = np.array(list(known.values()))
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    if min(np.abs(a).max(), np.abs(b).max()) < 1e-6:
+    if min(np.ptp(points, axis=0).max() for points in (source, target)) < 1e-6:
         raise SlamUwbError("--align: the points coincide")
-    theta = math.atan2(float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])), float(np.sum(a * b)))
-    x, y = target.mean(axis=0) - rotation_matrix(theta) @ source.mean(axis=0)
-    return Pose2(float(x), float(y), theta)
+    return source, target
 
 
 def main_direction(segments: FloatArray) -> float:

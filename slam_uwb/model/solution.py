@@ -239,6 +239,37 @@ class DecisionOutcome:
         return f"{decided}, although {self.contradiction}"
 
 
+@dataclass(frozen=True, slots=True)
+class Move:
+    """How the estimate of a station or anchor changed since an earlier solution."""
+
+    kind: str
+    """`station` or `anchor`."""
+    id: str
+    distance: float
+    """m; NaN where the earlier or the present solution has no place for it."""
+    before: float
+    """m, one sigma along the longest axis in the earlier solution; NaN without a place."""
+    after: float
+    """m, the same now."""
+    status_before: Status
+    status_after: Status
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """The earlier solution that this one continues, and what changed since."""
+
+    checksum: str
+    """Of the earlier survey."""
+    added: tuple[StationId, ...]
+    """Stations that are new."""
+    seen_from: str | None
+    """Station from which moves are seen where the two frames differ; None: the frame is the same."""
+    moves: tuple[Move, ...]
+    """Of all stations and anchors that the earlier solution lists."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """Everything that `solve_survey` found."""
@@ -272,3 +303,7 @@ class Solution:
     """aligned_T_world where the frame was moved (`--align`) from that of station `frame`."""
     decisions: tuple[DecisionOutcome, ...] = ()
     """What became of the survey's decisions.csv."""
+    picture: FloorMap | None = None
+    """The picture that the frame was aligned to, in that frame; darkness in place of occupancy."""
+    continued: Continuation | None = None
+    """None where everything was solved from scratch."""

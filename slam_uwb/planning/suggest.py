@@ -1,26 +1,28 @@
-"""Where to put the tripod next: where it lowers the expected covariance of the anchors most.
+"""Where to put the tripod next: where it lowers the expected errors of the anchors most.
 
-Greedy, as is usual for such designs (the gain of a place shrinks with what is measured already): the
-best place for the anchors' covariances, then the next one given the first.
+The best place for what is believed of the anchors, then the next one given the first, as is usual for
+such designs (the gain of a place shrinks with what is measured already); then each is exchanged for
+the best one given the others until none is better (Fedorov 1972).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import combinations
+import math
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..model.geometry import FloatArray, Matrix2, Points, Vector2, frozen_array
+from ..model.geometry import FloatArray, Points, Vector2, frozen_array
 from ..model.settings import PlanningSettings
-from ..model.solution import AnchorEstimate, Solution
-from .views import free_places, known_view, walls_between
+from ..model.solution import Solution
+from .belief import Beliefs, build_beliefs
+from .radio import hearing_probability, link_budget, range_variances, wall_counts
+from .views import free_places, known_view
 
-_ONE_PLACE_M = 0.2
-"""Standard deviation of one of several places, where none is given."""
-_ON_RING = 180
-_RING_SIGMA_M = 0.5
+_EXCHANGES = 3
+"""Rounds; the second one hardly ever changes anything."""
+_BETTER_M2 = 1e-9
+_NUMBERS_AT_ONCE = 4_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +42,36 @@ class Suggestion:
         object.__setattr__(self, "place", frozen_array(self.place, (2,), "place"))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Views:
+    """What N places say of the C places of the anchors."""
+
+    places: Points
+    """(N, 2) m."""
+    matched: FloatArray
+    """(N,) 0-1, how probably a scan from there matches."""
+    slopes: FloatArray
+    """(N, C, 2) change of the range with the anchor's place."""
+    variances: FloatArray
+    """(N, C) m^2, of the range."""
+    heard: FloatArray
+    """(N, C) 0-1, how probably there is a range at all."""
+    slants: FloatArray
+    """(N, C) m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """What is believed once some places have been measured."""
+
+    stations: Points
+    """(S, 2) m, where was measured."""
+    covariances: FloatArray
+    """(C, 2, 2) m^2."""
+    confused: FloatArray
+    """(R,) 0-1, how much two places of an anchor are still confused."""
+
+
 def suggest_stations(
     solution: Solution, count: int, settings: PlanningSettings
 ) -> tuple[Suggestion, ...]:
@@ -50,173 +82,171 @@ def suggest_stations(
         count: how many are wanted.
         settings: what a range is expected to be worth, and what a scan needs to be matched.
     """
-    beliefs = _beliefs(solution)
-    if solution.floor_map is None or not beliefs:
+    beliefs = build_beliefs(solution)
+    if solution.floor_map is None or beliefs is None:
         return ()
     places = free_places(solution.floor_map, settings.spacing_m, settings.clearance_m)
     if not len(places):
         return ()
-    view = known_view(solution.floor_map, places, settings.reach_m)
-    places, view = places[view >= settings.min_known_view], view[view >= settings.min_known_view]
-    means = np.array([belief.mean for belief in beliefs])
-    variances = _range_variances(solution, places, means, settings)
-    slopes = _slopes(places, means, np.array([belief.rise for belief in beliefs]))
-    rivals = [rival for belief in beliefs for rival in belief.rivals]
-    telling = _telling(rivals, places, solution, settings)
-    spreads = np.array([rival.spread for rival in rivals])
-    covariances = np.array([belief.covariance for belief in beliefs])
-    # Nothing is told apart yet: one factor a pair of rival places, lowered by each range.
-    confused = np.ones(len(rivals))
+    known = known_view(solution.floor_map, places, settings.reach_m)
+    enough = known >= settings.min_known_view
+    views = _look(solution, places[enough], known[enough], beliefs, settings)
     stations = np.array([s.pose.translation for s in solution.stations if s.pose]).reshape(-1, 2)
-    found: list[Suggestion] = []
-    while len(found) < count and len(places):
-        # Next to a station the same walls and reflections spoil the range once more.
-        near = np.linalg.norm(places[:, None] - stations[None], axis=2) < settings.shared_radius_m
-        updated = _updated(covariances, slopes, variances * (1.0 + near.sum(axis=1))[:, None])
-        before = float(_expected_error(covariances, confused, spreads))
-        after = _expected_error(updated, telling * confused, spreads)
-        best = int(np.argmin(after))
-        found.append(Suggestion(places[best], before, float(after[best]), float(view[best])))
-        covariances, confused = updated[best], confused * telling[best]
-        stations = np.vstack([stations, places[best]])
+    state = _State(stations, beliefs.covariances, np.ones(len(beliefs.rivals)))
+    chosen = _choose(state, views, beliefs, min(count, len(views.places)), settings)
+    found = []
+    for place in chosen:
+        before = _variances(state.covariances, state.confused, beliefs)
+        after, state = _measure(state, views, beliefs, place, settings)
+        found.append(
+            Suggestion(views.places[place], _rms(before), _rms(after), float(known[enough][place]))
+        )
     return tuple(found)
 
 
-def _expected_error(
-    covariances: FloatArray, confused: FloatArray, spreads: FloatArray
+def _choose(
+    state: _State, views: _Views, beliefs: Beliefs, count: int, settings: PlanningSettings
+) -> list[int]:
+    """Numbers of the places, greedily and then by exchange."""
+    chosen: list[int] = []
+    least = math.inf
+    for _ in range(count):
+        place, least = _best(state, views, beliefs, chosen, settings)
+        chosen.append(place)
+    for _ in range(_EXCHANGES if count > 1 else 0):
+        before = list(chosen)
+        for k in range(count):
+            others = chosen[:k] + chosen[k + 1 :]
+            place, harm = _best(state, views, beliefs, others, settings)
+            if harm < least - _BETTER_M2:
+                chosen[k], least = place, harm
+        if chosen == before:
+            break
+    return chosen
+
+
+def _best(
+    state: _State, views: _Views, beliefs: Beliefs, chosen: list[int], settings: PlanningSettings
+) -> tuple[int, float]:
+    """The best place given those chosen, and the harm that is left."""
+    for place in chosen:
+        _, state = _measure(state, views, beliefs, place, settings)
+    # In parts: of a floor of many lost anchors, all places at once are gigabytes.
+    size = max(1, _NUMBERS_AT_ONCE // (len(beliefs.rivals) + 4 * len(beliefs.means)))
+    harm = np.concatenate(
+        [
+            _harm(_expected(state, _part(views, start, size), beliefs, settings)[0], settings)
+            for start in range(0, len(views.places), size)
+        ]
+    )
+    best = int(np.argmin(harm))
+    return best, float(harm[best])
+
+
+def _measure(
+    state: _State, views: _Views, beliefs: Beliefs, place: int, settings: PlanningSettings
+) -> tuple[FloatArray, _State]:
+    """Expected variances (A,) of the anchors after measuring at a place, and the state then."""
+    one = _part(views, place, 1)
+    after, covariances, confused = _expected(state, one, beliefs, settings)
+    stations = np.vstack([state.stations, one.places])
+    return after[0], _State(stations, covariances[0], confused[0])
+
+
+def _part(views: _Views, start: int, count: int) -> _Views:
+    """Some of the places."""
+    return _Views(*(getattr(views, item.name)[start : start + count] for item in fields(_Views)))
+
+
+def _expected(
+    state: _State, views: _Views, beliefs: Beliefs, settings: PlanningSettings
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """After measuring at each of the N places: variances (N, A), covariances (N, C, 2, 2), confusions (N, R).
+
+    A scan that does not match brings nothing.
+    """
+    matched = views.matched[:, None]
+    variances = views.variances * _repetition(views.places, state.stations, settings)[:, None]
+    telling = 1.0 - matched * (1.0 - _confusion(views, variances, state.covariances, beliefs))
+    lowered = state.covariances - _updated(state.covariances, views, variances)
+    covariances = state.covariances - matched[..., None, None] * lowered
+    confused = state.confused * telling
+    return _variances(covariances, confused, beliefs), covariances, confused
+
+
+def _look(
+    solution: Solution,
+    places: Points,
+    known: FloatArray,
+    beliefs: Beliefs,
+    settings: PlanningSettings,
+) -> _Views:
+    away = beliefs.means[None] - places[:, None]
+    slants = np.sqrt((away**2).sum(axis=2) + beliefs.rises**2)
+    walls = wall_counts(solution, places, beliefs.means)
+    return _Views(
+        places=places,
+        matched=np.minimum(known / settings.sure_known_view, 1.0),
+        slopes=away / np.maximum(slants, 1e-6)[:, :, None],
+        variances=range_variances(walls, settings),
+        heard=hearing_probability(walls, slants, link_budget(solution)),
+        slants=slants,
+    )
+
+
+def _repetition(places: Points, stations: Points, settings: PlanningSettings) -> FloatArray:
+    """(N,) factor of a range's variance at each place, for what stations nearby have told already.
+
+    Walls and reflections spoil ranges of neighbours alike. Of two errors of one variance v and
+    correlation r, the second adds what an independent one of v (1 + r) / (1 - r) would.
+    """
+    apart = np.linalg.norm(places[:, None] - stations[None], axis=2)
+    correlation = np.exp(-apart / settings.shared_radius_m)
+    return np.asarray(1.0 + (2.0 * correlation / (1.0 - correlation + 1e-9)).sum(axis=1))
+
+
+def _updated(covariances: FloatArray, views: _Views, variances: FloatArray) -> FloatArray:
+    """(N, C, 2, 2) covariances (C, 2, 2) expected after one more range each, heard or not (Kalman's update)."""
+    gain = np.einsum("cij,ncj->nci", covariances, views.slopes)
+    total = np.einsum("nci,nci->nc", views.slopes, gain) + variances
+    lowered = gain[..., :, None] * gain[..., None, :] * (views.heard / total)[..., None, None]
+    return np.asarray(covariances[None] - lowered)
+
+
+def _confusion(
+    views: _Views, variances: FloatArray, covariances: FloatArray, beliefs: Beliefs
 ) -> FloatArray:
-    """(...) m, root mean square over the anchors, of covariances (..., A, 2, 2) and doubts (..., R)."""
-    variances = np.trace(covariances, axis1=-2, axis2=-1)
-    doubt = confused @ spreads / variances.shape[-1]
-    return np.asarray(np.sqrt(variances.mean(axis=-1) + doubt))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rival:
-    """Two places of one anchor that the ranges do not tell apart yet."""
-
-    one: Vector2
-    other: Vector2
-    rise: float
-    """m, of the anchor above the tag."""
-    spread: float
-    """m^2, what this doubt adds to the anchor's variance."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Belief:
-    """What is known of the place of one anchor."""
-
-    mean: Vector2
-    covariance: Matrix2
-    rise: float
-    """m, above the tag."""
-    rivals: tuple[_Rival, ...]
-
-
-def _beliefs(solution: Solution) -> list[_Belief]:
-    """Of the anchors whose height is known and that anybody heard."""
-    tags = list(solution.tag_heights.values())
-    level = float(np.mean(tags)) if tags else 0.0
-    found = []
-    for anchor in solution.anchors:
-        belief = _belief(anchor) or _ring_belief(anchor, solution)
-        if belief is not None and anchor.height is not None:
-            rise = anchor.height - level
-            found.append(_Belief(*belief, rise, tuple(_rivals(anchor, rise))))
-    return found
-
-
-def _places_of(anchor: AnchorEstimate) -> tuple[Points, FloatArray]:
-    """(K, 2) m, all places that are not excluded, and their shares of belief (K,)."""
-    places = [np.array([other.x, other.y]) for other in anchor.alternatives]
-    weights = [other.weight for other in anchor.alternatives]
-    if anchor.position is not None:
-        places.append(anchor.position)
-        weights.append(max(1.0 - sum(weights), 1e-3))
-    share = np.array(weights)
-    return np.array(places).reshape(-1, 2), share / share.sum() if len(share) else share
-
-
-def _belief(anchor: AnchorEstimate) -> tuple[Vector2, Matrix2] | None:
-    """Mean of an anchor's places, and the covariance of one of them."""
-    places, share = _places_of(anchor)
-    if anchor.height is None or not len(places):
-        return None
-    covariance = _ONE_PLACE_M**2 * np.eye(2) if anchor.covariance is None else anchor.covariance
-    if not np.isfinite(covariance).all():
-        return None
-    return share @ places, np.asarray(covariance) + 1e-8 * np.eye(2)
-
-
-def _rivals(anchor: AnchorEstimate, rise: float) -> Iterator[_Rival]:
-    places, share = _places_of(anchor)
-    for i, j in combinations(range(len(places)), 2):
-        apart = float(np.sum((places[i] - places[j]) ** 2))
-        yield _Rival(places[i], places[j], rise, float(share[i] * share[j]) * apart)
-
-
-def _telling(
-    rivals: list[_Rival], places: Points, solution: Solution, settings: PlanningSettings
-) -> FloatArray:
-    """(N, R) how much confusion a range from each place leaves, 0-1.
+    """(N, R) how much confusion of two places of an anchor a range from each place leaves, 0-1.
 
     The Bhattacharyya coefficient of the two normal densities that the range would have.
     """
-    left = np.ones((len(places), len(rivals)))
-    for column, rival in enumerate(rivals):
-        both = np.array([rival.one, rival.other])
-        slant = np.hypot(np.linalg.norm(places[:, None] - both, axis=2), rival.rise)
-        variance = _range_variances(solution, places, both, settings).max(axis=1)
-        left[:, column] = np.exp(-((slant[:, 0] - slant[:, 1]) ** 2) / (8.0 * variance))
-    return left
+    i, j = beliefs.rivals.T
+    spread = np.einsum("nci,cij,ncj->nc", views.slopes, covariances, views.slopes) + variances
+    both = spread[:, i] + spread[:, j]
+    apart = views.slants[:, i] - views.slants[:, j]
+    alike = np.sqrt(2.0 * np.sqrt(spread[:, i] * spread[:, j]) / both)
+    left = alike * np.exp(-(apart**2) / (4.0 * both))
+    heard = (views.heard[:, i] + views.heard[:, j]) / 2.0
+    return np.asarray(1.0 - heard * (1.0 - left))
 
 
-def _ring_belief(anchor: AnchorEstimate, solution: Solution) -> tuple[Vector2, Matrix2] | None:
-    """Mean and covariance of an anchor that too few stations heard: on the rings round those that did.
+def _variances(covariances: FloatArray, confused: FloatArray, beliefs: Beliefs) -> FloatArray:
+    """(..., A) m^2 of each anchor, by covariances (..., C, 2, 2) of its places and doubts (..., R)."""
+    anchors = np.arange(beliefs.owners[-1] + 1)
+    own = beliefs.owners == anchors[:, None]
+    between = beliefs.owners[beliefs.rivals[:, 0]] == anchors[:, None]
+    within = (np.trace(covariances, axis1=-2, axis2=-1) * beliefs.shares) @ own.T
+    return np.asarray(within + (confused * beliefs.spreads) @ between.T)
 
-    None for an anchor that nobody heard: nothing says where to look for it.
+
+def _harm(variances: FloatArray, settings: PlanningSettings) -> FloatArray:
+    """(...) m^2, mean over the anchors (..., A): quadratic while an anchor is of use, then level.
+
+    How wrong an anchor is of which nobody can make any use does not matter.
     """
-    poses = {s.id: s.pose for s in solution.stations if s.pose is not None}
-    heard = [
-        (poses[link.station].translation, link.distance)
-        for link in solution.links
-        if link.anchor == anchor.id and link.station in poses and link.distance > 0.0
-    ]
-    if anchor.height is None or not heard:
-        return None
-    angles = np.linspace(0.0, 2.0 * np.pi, _ON_RING, endpoint=False)
-    centre, radius = heard[0]
-    ring = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    # Loose: walls make some ranges too long by decimetres.
-    misfits = [(np.linalg.norm(ring - c, axis=1) - r) / _RING_SIGMA_M for c, r in heard[1:]]
-    share = np.exp(-0.5 * np.sum(np.square(misfits), axis=0)) + 1e-9 * np.ones(_ON_RING)
-    share /= share.sum()
-    mean = share @ ring
-    away = ring - mean
-    return mean, (away * share[:, None]).T @ away + _RING_SIGMA_M**2 * np.eye(2)
+    useless = settings.useless_m**2
+    return np.asarray((variances / (1.0 + variances / useless)).mean(axis=-1))
 
 
-def _slopes(places: Points, means: Points, rise: FloatArray) -> FloatArray:
-    """(N, A, 2) change of the slant range from each place with the place of an anchor (A,) m above the tag."""
-    away = means[None] - places[:, None]
-    slant = np.sqrt((away**2).sum(axis=2) + rise**2)
-    return np.asarray(away / np.maximum(slant, 1e-6)[:, :, None])
-
-
-def _range_variances(
-    solution: Solution, places: Points, means: Points, settings: PlanningSettings
-) -> FloatArray:
-    """(N, A) m^2, by how many walls of the plan the range would cross."""
-    plan = solution.plan
-    ends = np.array([wall.ends for wall in plan.walls] if plan else []).reshape(-1, 2, 2)
-    walls = walls_between(ends, places, means)
-    return np.asarray(settings.sight_sigma_m**2 + walls * settings.wall_sigma_m**2)
-
-
-def _updated(covariances: FloatArray, slopes: FloatArray, variances: FloatArray) -> FloatArray:
-    """(N, A, 2, 2) covariances (A, 2, 2) after one more range each (Kalman's update)."""
-    gain = np.einsum("aij,naj->nai", covariances, slopes)
-    total = np.einsum("nai,nai->na", slopes, gain) + variances
-    lowered = gain[..., :, None] * gain[..., None, :] / total[..., None, None]
-    return np.asarray(covariances[None] - lowered)
+def _rms(variances: FloatArray) -> float:
+    return float(np.sqrt(variances.mean()))

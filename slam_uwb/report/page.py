@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..model.solution import Solution
 from ..planning import suggest_stations
+from .moves import describe_moves
 from .page_map import build_page_map
 from .page_tables import page_tables
 from .trust import judge_anchors
@@ -34,6 +35,7 @@ _CLASS = {Level.GOOD: "fine", Level.USABLE: "warn", Level.AGAIN: "bad"}
 
 LAYERS = (
     ("floor", "floor map", True),
+    ("given", "the plan given", True),
     ("rooms", "rooms", True),
     ("walls", "walls and doors", False),
     ("stations", "stations", True),
@@ -79,6 +81,7 @@ def draw_report(solution: Solution) -> str:
             layers=LAYERS,
             tables=page_tables(solution, anchors),
             places=places,
+            moved=tuple(describe_moves(solution)),
             facts=tuple(solver_facts(solution)),
             changed=tuple(changed_settings(solution)),
             # The package's own files, and the only text that is not escaped.
@@ -112,6 +115,12 @@ def solver_facts(solution: Solution) -> Iterator[tuple[str, str]]:
         moved = solution.alignment
         degrees = math.degrees(moved.theta)
         yield "moved by --align", f"x {moved.x:.3f} m, y {moved.y:.3f} m, turned by {degrees:.2f}°"
+    if solution.picture is not None:
+        height, width = (n * solution.picture.resolution for n in solution.picture.occupancy.shape)
+        yield (
+            "the plan given",
+            f"{width:.2f} m wide and {height:.2f} m high, by the points marked in it",
+        )
     for bias in solution.biases:
         prior = f"before: {bias.prior_mean:.3f} m ± {2.0 * bias.prior_sigma:.3f} m"
         yield bias.name, f"{bias.mean:.3f} m ± {2.0 * bias.sigma:.3f} m (2 sigma; {prior})"

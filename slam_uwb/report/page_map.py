@@ -22,6 +22,7 @@ from .page_shapes import (
     Shape,
     door_shapes,
     draw_floor,
+    draw_given,
     room_shapes,
     to_picture,
     wall_shapes,
@@ -42,6 +43,8 @@ class PageMap:
     unit: float
     """Picture units a pixel, where no script tells."""
     picture: Picture | None
+    given: Picture | None
+    """That the frame was aligned to."""
     rooms: tuple[Shape, ...]
     walls: tuple[Shape, ...]
     doors: tuple[Shape, ...]
@@ -67,6 +70,7 @@ def build_page_map(
         view=view,
         unit=max(view[2], view[3]) / _PIXELS,
         picture=None if solution.floor_map is None else draw_floor(solution.floor_map),
+        given=None if solution.picture is None else draw_given(solution.picture),
         rooms=tuple(room_shapes(solution.plan)),
         walls=tuple(wall_shapes(solution.plan)),
         doors=tuple(door_shapes(solution.plan)),

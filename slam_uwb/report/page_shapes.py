@@ -7,14 +7,20 @@ import io
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..model.geometry import FloatArray
 from ..model.solution import FloorMap, FloorPlan
 
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
+
 UNITS_A_METRE = 100.0
 _FREE, _UNKNOWN, _WALL = 255, 226, 30
+_GIVEN = (0, 114, 178)
+"""Blue of Okabe and Ito: lines of a picture that somebody else drew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +103,22 @@ def draw_floor(floor_map: FloorMap) -> Picture | None:
         return None
     dark = np.clip(2.0 * np.nan_to_num(floor_map.occupancy) - 1.0, 0.0, 1.0)
     grey = np.where(np.isnan(floor_map.occupancy), _UNKNOWN, _FREE + (_WALL - _FREE) * dark)
+    return _stretched(Image.fromarray(np.flipud(grey).astype(np.uint8)), floor_map)
+
+
+def draw_given(picture: FloorMap) -> Picture:
+    """The picture that the frame was aligned to: its lines coloured, its paper transparent."""
+    from PIL import Image
+
+    dark = np.flipud(picture.occupancy)[..., None]
+    coloured = np.concatenate([np.broadcast_to(_GIVEN, (*dark.shape[:2], 3)), 255.0 * dark], axis=2)
+    return _stretched(Image.fromarray(coloured.astype(np.uint8)), picture)
+
+
+def _stretched(image: PillowImage, floor_map: FloorMap) -> Picture:
+    """The image as PNG in a data address, over the rectangle of the map."""
     stream = io.BytesIO()
-    Image.fromarray(np.flipud(grey).astype(np.uint8)).save(stream, format="PNG")
+    image.save(stream, format="PNG")
     height, width = floor_map.occupancy.shape
     cell = floor_map.resolution * UNITS_A_METRE
     x, y = to_picture(np.array(floor_map.origin))

@@ -1,116 +1,42 @@
-"""The tables of the report: cells of text with what they sort by."""
+"""The tables of the report."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..evaluate.estimates import Estimate, station_estimates
 from ..model.geometry import Pose2
 from ..model.products import LinkMeasurement, ScanMatch
-from ..model.solution import Solution, Status
+from ..model.solution import Solution
 from ..model.survey import StationId
+from .moves import move_table
+from .page_cells import Cell, Row, Table, build_table, count, metres, share, status_cell
 from .page_map import link_kind
 from .trust import SIGMAS, AnchorJudgement, Trust, describe_geometry, largest_two_sigma
 
-_MOST_ROWS = 3000
-"""Of one table: a page of a building with hundreds of stations must still open on a phone."""
 _ENDS = {"pair": ("station", "station"), "link": ("station", "anchor")}
 _SIGN = {Trust.YES: "✓", Trust.CHECK: "!", Trust.NO: "✗"}
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """One cell; a number sorts by its value, whatever its text."""
-
-    text: str
-    value: float | None = None
-    mark: str = ""
-    """CSS class."""
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One row; `key` ties it to its mark on the map."""
-
-    key: str
-    cells: tuple[Cell, ...]
-    quiet: bool = False
-    """What is hidden until all rows are asked for."""
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table with a line that explains its columns."""
-
-    name: str
-    title: str
-    note: str
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    left_out: int = 0
-    """Rows beyond the limit; the CSV files of the solution have them."""
-    more: str = ""
-    """What the quiet rows are called; empty where there are none."""
-
-
 def page_tables(solution: Solution, anchors: Sequence[AnchorJudgement]) -> tuple[Table, ...]:
-    """Anchors, stations, links and matches; a table without rows is left out."""
+    """Anchors, stations, links, matches and more; a table without rows is left out."""
     tables = (
         _anchor_table(anchors),
         _station_table(solution),
         _link_table(solution),
         _match_table(solution),
         _decision_table(solution),
+        move_table(solution),
         _room_table(solution),
     )
     return tuple(table for table in tables if table.rows)
 
 
-def metres(value: float | None, decimals: int = 2, sign: str = "") -> Cell:
-    """A length, empty where it is not known."""
-    if value is None or not math.isfinite(value):
-        return Cell("")
-    # Adding zero turns the -0.0 that rounding makes of small negative numbers into 0.0.
-    return Cell(f"{round(float(value), decimals) + 0.0:{sign}.{decimals}f}", float(value))
-
-
-def share(value: float) -> Cell:
-    """A share 0-1 in per cent."""
-    return Cell(f"{100.0 * value:.0f} %", value) if math.isfinite(value) else Cell("")
-
-
-def _count(number: int) -> Cell:
-    return Cell(str(number), float(number))
-
-
-def _status(status: Status) -> Cell:
-    return Cell(status.value, mark="fine" if status is Status.OK else "bad")
-
-
-def _table(
-    name: str, title: str, note: str, columns: str, rows: Sequence[Row], more: str = ""
-) -> Table:
-    shown = rows[:_MOST_ROWS]
-    # A column that says nothing costs a phone a third of its width.
-    filled = [k for k, _ in enumerate(columns.split("|")) if any(r.cells[k].text for r in shown)]
-    titles = columns.split("|")
-    return Table(
-        name,
-        title,
-        note,
-        tuple(titles[k] for k in filled),
-        tuple(replace(row, cells=tuple(row.cells[k] for k in filled)) for row in shown),
-        len(rows) - len(shown),
-        more,
-    )
-
-
 def _anchor_table(anchors: Sequence[AnchorJudgement]) -> Table:
-    return _table(
+    return build_table(
         "anchors",
         "Anchors",
         "Places and heights in metres. 2 sigma: half the long axis of the ellipse, which holds the true "
@@ -139,8 +65,8 @@ def _anchor_row(item: AnchorJudgement) -> Row:
             Cell(anchor.id),
             Cell(verdict, mark={"✓": "fine", "!": "warn", "✗": "bad"}[_SIGN[item.trust]]),
             metres(x), metres(y), metres(anchor.height), metres(item.two_sigma),
-            _count(len(item.used)), _count(len(item.rejected)), share(item.through_walls),
-            metres(rms), Cell(describe_geometry(item), sector), _status(anchor.status), Cell(others),
+            count(len(item.used)), count(len(item.rejected)), share(item.through_walls),
+            metres(rms), Cell(describe_geometry(item), sector), status_cell(anchor.status), Cell(others),
         ),
     )  # fmt: skip
 
@@ -154,7 +80,7 @@ def _station_table(solution: Solution) -> Table:
     heard: dict[str, int] = {}
     for link in solution.links:
         heard[link.station] = heard.get(link.station, 0) + (link.rejection is None)
-    return _table(
+    return build_table(
         "stations",
         "Stations",
         "Places in metres, headings in degrees counter-clockwise from x. Matches: scans of other "
@@ -176,14 +102,14 @@ def _station_row(item: Estimate, matched: dict[str, int], heard: dict[str, int])
         (
             Cell(item.id), metres(x), metres(y), metres(heading, 1),
             metres(largest_two_sigma(item.covariance), 3), metres(turn, 2),
-            _count(matched.get(item.id, 0)), _count(heard.get(item.id, 0)), _status(item.status),
+            count(matched.get(item.id, 0)), count(heard.get(item.id, 0)), status_cell(item.status),
             Cell(others),
         ),
     )  # fmt: skip
 
 
 def _link_table(solution: Solution) -> Table:
-    return _table(
+    return build_table(
         "links",
         "Links",
         "All ranges of one station to one anchor. Residual: measured minus predicted, metres; a wall "
@@ -198,7 +124,7 @@ def _link_row(link: LinkMeasurement) -> Row:
     return Row(
         f"station:{link.station} anchor:{link.anchor}",
         (
-            Cell(link.station), Cell(link.anchor), _count(link.samples), metres(link.distance),
+            Cell(link.station), Cell(link.anchor), count(link.samples), metres(link.distance),
             metres(link.residual, 3, "+"), metres(link.walls, 1), share(link.nlos_probability),
             Cell("yes" if used else "no", mark="" if used else "bad"), Cell(link.rejection or ""),
         ),
@@ -210,7 +136,7 @@ def _match_table(solution: Solution) -> Table:
     rows = [_match_row(match, poses) for match in solution.matches]
     # What is used first, then by pair and rank as matches.csv has it.
     rows.sort(key=lambda row: row.quiet)
-    return _table(
+    return build_table(
         "matches",
         "Scan matches",
         "How the scan of n lies to that of m. Overlap: share of the walls that both saw; violation: share "
@@ -232,7 +158,7 @@ def _match_row(match: ScanMatch, poses: Mapping[StationId, Pose2]) -> Row:
     return Row(
         f"station:{match.target} station:{match.source}",
         (
-            Cell(match.target), Cell(match.source), _count(match.rank), metres(pose.x),
+            Cell(match.target), Cell(match.source), count(match.rank), metres(pose.x),
             metres(pose.y), metres(math.degrees(pose.theta), 1), share(match.overlap),
             share(match.violation), _strength(match), metres(residual, 3),
             Cell("yes" if used else "no", mark="" if used else "off"), Cell(match.rejection or ""),
@@ -253,7 +179,7 @@ def _decision_table(solution: Solution) -> Table:
         for outcome in solution.decisions
         for d in [outcome.decision]
     ]  # fmt: skip
-    return _table(
+    return build_table(
         "decisions",
         "Decisions",
         "What decisions.csv of the survey says, what was done, and what in the data speaks against it.",
@@ -268,9 +194,9 @@ def _room_table(solution: Solution) -> Table:
     for number, room in enumerate(rooms, 1):
         sides = np.linalg.norm(np.roll(room.polygon, -1, axis=0) - room.polygon, axis=1)
         walls = ", ".join(f"{side:.2f}" for side in sides)
-        cells = (_count(number), metres(room.area, 1), metres(float(sides.sum())), Cell(walls))
+        cells = (count(number), metres(room.area, 1), metres(float(sides.sum())), Cell(walls))
         rows.append(Row(f"room:{number}", cells))
-    return _table(
+    return build_table(
         "rooms",
         "Rooms",
         "Closed rooms between wall faces, square metres and metres; a door counts as wall.",

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from ..model.products import LinkMeasurement
 from ..model.solution import Solution, Status
+from .moves import contradicting_moves
 from .trust import MEANING, AnchorJudgement, Trust
 
 _CONFIRMED_M = 0.001
@@ -59,6 +60,7 @@ def judge_solution(solution: Solution, anchors: Sequence[AnchorJudgement]) -> Ve
         *_anchor_findings(anchors),
         *_station_findings(solution),
         *_link_findings(solution.links),
+        *_move_findings(solution),
         *_solver_findings(solution),
     )
     level = Level.USABLE if findings else Level.GOOD
@@ -127,6 +129,15 @@ def _link_findings(links: Sequence[LinkMeasurement]) -> Iterator[Finding]:
             f"{len(wrong)} range{'s' if len(wrong) > 1 else ''} contradict the rest and are not "
             f"used: {_named(names)}",
             "nothing, where an anchor keeps enough other links; else record the station again",
+        )
+
+
+def _move_findings(solution: Solution) -> Iterator[Finding]:
+    for move in contradicting_moves(solution.continued) if solution.continued else ():
+        yield Finding(
+            f"{move.kind} {move.id} moved by {move.distance:.2f} m since the earlier solution, which "
+            f"gave it {2.0 * move.before:.2f} m (2 sigma)",
+            "solve without --continue: the new recording says otherwise than the earlier ones",
         )
 
 

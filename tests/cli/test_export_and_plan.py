@@ -81,6 +81,60 @@ def test_align_by_known_places_moves_every_output(
     assert y > 30.0
 
 
+def marked(folder, old):
+    """A plan of 20 m by 25 m drawn at 40 pixels a metre, x to the right, with two anchors marked."""
+    from PIL import Image, ImageDraw
+
+    image = Image.new("RGB", (800, 1000), "white")
+    ImageDraw.Draw(image).rectangle([100, 100, 700, 900], outline="black", width=6)
+    image.save(folder / "plan.png")
+    first, second, *_ = sorted(old)
+    # World (x, y) drawn at (x + 8, y + 12) m from the lower left corner, rows counted from above.
+    return {
+        name: (40.0 * (old[name][0] + 8.0), 1000.0 - 40.0 * (old[name][1] + 12.0))
+        for name in (first, second)
+    }
+
+
+def test_align_to_two_points_of_a_picture(run, pristine_survey, pristine_solution, tmp_path):
+    """The whole survey stands where the picture has it, and the report shows the picture."""
+    old = anchors(pristine_solution)
+    points = [f"--align={name}={x},{y}" for name, (x, y) in marked(tmp_path, old).items()]
+    picture = f"--align={tmp_path / 'plan.png'}"
+    done = run("solve", pristine_survey, "--out", tmp_path / "out", picture, *points)
+    assert done.returncode == 0, done.stderr
+    new = anchors(tmp_path / "out")
+    for name, (x, y) in old.items():
+        assert math.dist(new[name], (x + 8.0, y + 12.0)) < 0.01
+    document = json.loads((tmp_path / "out" / "solution.json").read_text())
+    assert abs(document["alignment"]["x_m"] - 8.0) < 0.01
+    given = document["picture"]
+    assert abs(given["width"] * given["resolution_m"] - 20.0) < 0.02
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert '<g data-layer="given">' in page
+    assert "the plan given" in page
+    assert run("report", tmp_path / "out").returncode == 0
+
+
+def test_a_bad_picture_is_refused(run, pristine_survey, tmp_path):
+    marked(tmp_path, {"A1": (0.0, 0.0), "A2": (1.0, 1.0)})
+    plan, text = tmp_path / "plan.png", tmp_path / "text.png"
+    text.write_text("no picture")
+    cases = (
+        ((plan, "A1=10,10"), "two points are needed"),
+        ((plan, "A1=10,10", "A2=10,2000"), "A2=10,2000 is not in the picture of 800 x 1000 pixels"),
+        ((text, "A1=10,10", "A2=10,20"), "is no picture that can be read"),
+        ((plan, text, "A1=10,10"), "one picture at most"),
+        ((tmp_path / "none.png", "A1=10,10"), "none.png': expected"),
+    )
+    for words, message in cases:
+        options = [f"--align={word}" for word in words]
+        done = run("solve", pristine_survey, "--out", tmp_path / "out", *options)
+        assert done.returncode == 2, done.stdout
+        assert message in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_bad_alignment_is_refused(run, pristine_survey, tmp_path):
     for word in ("wals", "A1=3", "A1=3,north", "=1,2"):
         done = run("solve", pristine_survey, "--out", tmp_path / "out", "--align", word)

@@ -16,10 +16,16 @@ class PlanningSettings(Section):
     )
     reach_m: float = Field(10.0, gt=0.0, description="walls further away do not hold a scan")
     min_known_view: float = Field(
-        0.6,
+        0.3,
         ge=0.0,
         le=1.0,
-        description="share of the view that must end at walls of the map, so that the scan matches",
+        description="share of the view that must end at walls of the map for a place to be suggested",
+    )
+    sure_known_view: float = Field(
+        0.6,
+        gt=0.0,
+        le=1.0,
+        description="share from which on the scan surely matches; below, in proportion",
     )
     sight_sigma_m: float = Field(
         0.12,
@@ -32,7 +38,13 @@ class PlanningSettings(Section):
         description="what each wall on the way adds to it (root of the sum of squares)",
     )
     shared_radius_m: float = Field(
-        1.0,
-        ge=0.0,
-        description="ranges of stations closer than this have much of their error in common",
+        2.0,
+        gt=0.0,
+        description="distance over which the correlation of two stations' range errors falls to 1/e: "
+        "half a room, past the same wall and cupboard",
+    )
+    useless_m: float = Field(
+        0.5,
+        gt=0.0,
+        description="expected error of an anchor that is of little use; how much more it is hardly counts",
     )

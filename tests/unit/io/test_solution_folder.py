@@ -23,7 +23,9 @@ from slam_uwb.model.solution import (
     Alternative,
     AnchorEstimate,
     Bias,
+    Continuation,
     FloorMap,
+    Move,
     Solution,
     SolverChecks,
     StationEstimate,
@@ -104,6 +106,16 @@ def solution():
         scans={"s01": Scan(np.array([0.1, 0.2]), np.array([1.0 / 3.0, np.nan]), 40.0)},
         tag_offset=(0.1, -0.2),
         warnings=("anchor A2: heard once",),
+        picture=FloorMap(np.array([[0.0, 1.0], [0.5, 0.25]]), 0.02, (0.0, 0.0)),
+        continued=Continuation(
+            checksum="cd" * 32,
+            added=("s05",),
+            seen_from="s02",
+            moves=(
+                Move("station", "s02", 0.003, 0.02, 0.01, Status.OK, Status.OK),
+                Move("anchor", "A2", NAN, NAN, 0.3, Status.UNREACHABLE, Status.OK),
+            ),
+        ),
     )
 
 

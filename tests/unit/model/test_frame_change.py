@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from slam_uwb.model.errors import SlamUwbError
-from slam_uwb.model.frame_change import change_frame, fit_frame, main_direction
+from slam_uwb.model.frame_change import (
+    DrawnPlan,
+    change_frame,
+    fit_frame,
+    fit_picture,
+    main_direction,
+    misfits,
+)
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.solution import (
     Alternative,
@@ -107,3 +114,65 @@ def test_main_direction_of_walls_at_right_angles(angle):
     assert main_direction(turned) == pytest.approx(angle, abs=1e-9)
     oblique = np.array([[[0.0, 0.0], [0.3, 0.1]]])
     assert main_direction(np.concatenate([turned, oblique])) == pytest.approx(angle, abs=0.02)
+
+
+def drawn(points, pixels_a_cell=2.0):
+    """A picture of 400 x 300 pixels, kept at half of that."""
+    return DrawnPlan(np.zeros((150, 200)), pixels_a_cell, 300.0, points)
+
+
+def test_two_points_of_a_picture_give_frame_and_scale(estimate):
+    """In the world A is at (3, 1) and s1 at (1, 2). Drawn 25 pixels a metre, a metre up being 25 rows up, and
+    turned by 90 degrees: (x, y) m in the world is at (2 - y, x) m + (4, 1) m from the lower left corner.
+
+    A: (2 - 1 + 4, 3 + 1) = (5, 4) m, so column 125, row 300 - 100. s1: (4, 2) m, so column 100, row 250.
+    """
+    picture_T_world, picture = fit_picture(
+        estimate, drawn({"A": (125.0, 200.0), "s1": (100.0, 250.0)})
+    )
+    np.testing.assert_allclose(picture_T_world.vector, [6.0, 1.0, np.pi / 2], atol=1e-12)
+    # Two pixels a cell of 4 cm each; 400 pixels are 16 m.
+    assert picture.resolution == pytest.approx(0.08)
+    assert picture.occupancy.shape[1] * picture.resolution == pytest.approx(16.0)
+    assert picture.origin == (0.0, 0.0)
+    # B, at (0, 5), is where the picture has it: (2 - 5 + 4, 0 + 1).
+    np.testing.assert_allclose(picture_T_world.transform([0.0, 5.0]), [1.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ({"A": (1.0, 1.0)}, "two points are needed"),
+        ({"A": (1.0, 1.0), "s1": (1.0, 1.0)}, "coincide"),
+        ({"A": (1.0, 1.0), "s9": (5.0, 1.0)}, "s9 has no place"),
+    ],
+)
+def test_a_picture_that_fixes_no_frame_is_refused(estimate, points, message):
+    with pytest.raises(SlamUwbError, match=message):
+        fit_picture(estimate, drawn(points))
+
+
+def test_a_third_point_that_does_not_fit_is_told(estimate):
+    """B marked a metre (25 pixels) off: least squares leave a part of it at every point."""
+    right = {"A": (125.0, 200.0), "s1": (100.0, 250.0), "B": (25.0, 275.0)}
+    for points, count in ((right, 0), ({**right, "B": (50.0, 275.0)}, 1)):
+        picture_T_world, picture = fit_picture(estimate, drawn(points))
+        aligned = change_frame(estimate, picture_T_world)
+        told = list(misfits(aligned, drawn(points), picture))
+        assert len(told) >= count
+        assert bool(told) == bool(count)
+        assert not told or "from where it was given" in told[0]
+
+
+def test_places_that_do_not_fit_are_told(estimate):
+    """Two places 2 m further apart than the solution has them: 1 m off each."""
+    a, s = np.array([3.0, 1.0]), np.array([1.0, 2.0])
+    away = (a - s) / np.linalg.norm(a - s)
+    known = {"A": tuple(a + away), "s1": tuple(s - away)}
+    aligned = change_frame(estimate, fit_frame(estimate, known))
+    assert [text.split(": ")[1] for text in misfits(aligned, known, None)] == [
+        "A is 1.00 m from where it was given",
+        "s1 is 1.00 m from where it was given",
+    ]
+    assert not list(misfits(aligned, "walls", None))
+    assert not list(misfits(aligned, None, None))
