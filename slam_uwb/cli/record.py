@@ -173,10 +173,12 @@ def _run_session(plan: _Plan) -> bool:
     """Stations until the operator ends (False) or an instrument has to be connected again (True)."""
     from ..capture.ports import connected
     from ..capture.ports.find import find_port
+    from ..capture.signals import signals_held
     from ..model.errors import CaptureError
 
     try:
-        with ExitStack() as stack:
+        # Signals outlast the instruments: a second one must not come between the first and the motor's stop.
+        with signals_held(), ExitStack() as stack:
             instruments = []
             for device, wanted in plan.devices:
                 typer.echo(f"connecting the {device.title} ...")
@@ -258,6 +260,7 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 def _solve_so_far(survey: Path, station: str) -> None:
     """Solve what there is and show it; a survey that cannot be solved yet is no error."""
+    from ..capture.signals import signals_let_in
     from ..io import read_survey, recorded_stations
     from ..model.errors import SlamUwbError
     from ..pipeline import solve_survey
@@ -266,7 +269,7 @@ def _solve_so_far(survey: Path, station: str) -> None:
     if sum(bool(item.files) for item in recorded_stations(survey).values()) < 2:
         return
     try:
-        with progress_bar() as progress:
+        with signals_let_in(), progress_bar() as progress:
             solution = solve_survey(read_survey(survey), progress=progress)
     except SlamUwbError as error:
         typer.echo(f"the survey so far: {error}")

@@ -103,8 +103,11 @@ def ask_reconnect(error: CaptureError) -> bool:
 
 def _ask(question: str) -> str | None:
     """A line without blanks around it; None where the input ended."""
+    from ..capture.signals import signals_let_in
+
     try:
-        return input(f"{question}: ").strip()
+        with signals_let_in():
+            return input(f"{question}: ").strip()
     except EOFError:
         typer.echo()
         return None

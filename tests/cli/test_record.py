@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import time
@@ -132,6 +131,7 @@ def test_an_instrument_that_fails_for_good_ends_with_4(program, setup, tmp_path)
     assert not recorded_stations(folder)["s01"].complete
 
 
+@pytest.mark.usefixtures("children_hear_signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_stops_the_motor_and_keeps_what_was_recorded(program, setup, tmp_path, number):
     folder = tmp_path / "survey"
@@ -141,7 +141,6 @@ def test_a_signal_stops_the_motor_and_keeps_what_was_recorded(program, setup, tm
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        env={**os.environ},
         text=True,
     )
     try:
