@@ -5,6 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+_HOST_S = 5.0
+"""A busy host may leave an emulator waiting for that long."""
+
 
 @dataclass(frozen=True, slots=True)
 class Clock:
@@ -21,8 +24,8 @@ class Clock:
         time.sleep(max(duration, 0.0) / self.speed)
 
     def patience(self, limit: float) -> float:
-        """`limit`; for a hurried clock at least a second of the host, which does not get faster with it."""
-        return limit if self.speed == 1.0 else max(limit, self.speed)
+        """`limit`; for a hurried clock some seconds of the host, which does not get faster with it."""
+        return limit if self.speed == 1.0 else max(limit, _HOST_S * self.speed)
 
 
 REAL_TIME = Clock()

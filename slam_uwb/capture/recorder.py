@@ -18,6 +18,7 @@ from .ports.pump import Chunk, Pump, pumping
 from .ports.session import Instrument, streaming
 from .quality import AnchorQuality, RangeWatch, ScanQuality, ScanWatch
 from .samples import Carry, LidarSamples, RangeEpoch
+from .signals import strike_now
 
 _TICK_S = 0.1
 """Of the host; how often the loop looks up where nothing arrives."""
@@ -158,6 +159,7 @@ def _run(
     flushed = clock.now()
     with pumping(ports) as pump:
         while recording.finish_at is None or clock.now() < recording.finish_at:
+            strike_now()
             _take_next(recording, pump, _TICK_S / max(1.0, clock.speed))
             _poll(recording, clock)
             _see_who_delivers(recording, duration, pump, clock)

@@ -95,17 +95,23 @@ def main() -> None:
 
 def _run() -> int:
     """The exit status of one run; usage errors and `--help` leave by SystemExit."""
+    came: list[int] = []
     try:
-        with interruptible():
+        with interruptible() as came:
             application()
     except Interrupted:
-        _say("interrupted; nothing was left half-written")
-        return INTERRUPTED
-    except OSError as error:
-        return _end_with_os_error(error)
+        return _end_interrupted()
     except Exception as error:
-        return _end_with(error)
+        if came:
+            _log.debug("traceback", exc_info=error)
+            return _end_interrupted()
+        return _end_with_os_error(error) if isinstance(error, OSError) else _end_with(error)
     return 0
+
+
+def _end_interrupted() -> int:
+    _say("interrupted; nothing was left half-written")
+    return INTERRUPTED
 
 
 def _end_with_os_error(error: OSError) -> int:

@@ -45,6 +45,11 @@ _UnplugOption = Annotated[
 ]
 _ReplugOption = Annotated[float, typer.Option(min=0.0, metavar="S", help="And plugged in again.")]
 
+_UpperOption = Annotated[
+    bool,
+    typer.Option("--upper", help="Each station's upper scan follows it, for `record --upper`."),
+]
+
 
 def emulate(
     survey: SurveyArgument,
@@ -55,6 +60,7 @@ def emulate(
     stall_at_s: _StallOption = None,
     unplug_at_s: _UnplugOption = None,
     replug_after_s: _ReplugOption = 1.0,
+    upper: _UpperOption = False,
     _verbose: VerboseOption = False,
 ) -> None:
     """Play a survey as the instruments would that recorded it.
@@ -74,10 +80,12 @@ def emulate(
         unplug_at=unplug_at_s,
         replug_after=replug_after_s,
     )
-    _play(read_survey(survey), ports, Clock(speed), faults)
+    _play(read_survey(survey), ports, Clock(speed), faults, upper=upper)
 
 
-def _play(survey: Survey, ports: Path, clock: Clock, scanner_faults: Faults) -> NoReturn:
+def _play(
+    survey: Survey, ports: Path, clock: Clock, scanner_faults: Faults, *, upper: bool
+) -> NoReturn:
     """Both instruments at their ports, until interrupted."""
     from ..capture.emulator import (
         Dwm1001Emulator,
@@ -88,7 +96,7 @@ def _play(survey: Survey, ports: Path, clock: Clock, scanner_faults: Faults) -> 
     )
     from ..capture.emulator.sweep import SAMPLE_HZ
 
-    tripod = play_survey(survey, SAMPLE_HZ)
+    tripod = play_survey(survey, SAMPLE_HZ, upper=upper)
     ports.mkdir(parents=True, exist_ok=True)
     sweep, tag = ports / "sweep", ports / "dwm1001"
     devices: dict[Path, Emulated] = {sweep: SweepEmulator(tripod), tag: Dwm1001Emulator(tripod)}

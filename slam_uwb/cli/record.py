@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import ExitStack
-from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,27 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .options import VerboseOption
-from .recording_guide import ask_heights, ask_number, ask_reconnect, ask_station
-from .recording_screen import live_screen, print_station, print_survey_so_far
+from .recording_guide import ask_number
+from .recording_session import Plan, run_sessions
 
 if TYPE_CHECKING:
-    from ..capture.clock import Clock
     from ..capture.ports.device import Device
-    from ..capture.ports.session import Instrument
-    from ..capture.recorder import StationReport
-
-
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """What the whole session goes by."""
-
-    survey: Path
-    devices: tuple[tuple[Device[Any], str], ...]
-    """With the port as the operator named it."""
-    seconds: float
-    keep_raw: bool
-    solve: bool
-    clock: Clock
 
 
 _SurveyArgument = Annotated[
@@ -77,6 +58,12 @@ _MaxRangeOption = Annotated[
         help="Longer returns are taken for none.",
     ),
 ]
+_UpperOption = Annotated[
+    bool,
+    typer.Option(
+        "--upper", help="At each station a second scan with the scanner raised above the furniture."
+    ),
+]
 _RawOption = Annotated[
     bool, typer.Option("--raw", help="Keep the bytes as they came, in recordings/raw.")
 ]
@@ -98,6 +85,7 @@ def record(
     seconds: _SecondsOption = 60.0,
     tag_height_m: _TagHeightOption = None,
     max_range_m: _MaxRangeOption = None,
+    upper: _UpperOption = False,
     raw: _RawOption = False,
     no_solve: _NoSolveOption = False,
     speed: _SpeedOption = 1.0,
@@ -118,10 +106,10 @@ def record(
     )
     if not devices:
         raise typer.BadParameter("name at least one instrument: --lidar, --uwb")
+    if upper and lidar is None:
+        raise typer.BadParameter("a raised scan needs a scanner: --lidar", param_hint="--upper")
     _start(survey, devices, tag_height_m, max_range_m)
-    plan = _Plan(survey, devices, seconds, raw, not no_solve, Clock(speed))
-    while _run_session(plan):
-        pass
+    run_sessions(Plan(survey, devices, seconds, upper, raw, not no_solve, Clock(speed)))
 
 
 def _device(given: str, known: dict[str, Any], option: str) -> tuple[Device[Any], str]:
@@ -167,108 +155,3 @@ def _knows_tag(survey: Path) -> bool:
         return "tag" in tomllib.loads((survey / "survey.toml").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-
-
-def _run_session(plan: _Plan) -> bool:
-    """Stations until the operator ends (False) or an instrument has to be connected again (True)."""
-    from ..capture.ports import connected
-    from ..capture.ports.find import find_port
-    from ..model.errors import CaptureError
-
-    try:
-        with ExitStack() as stack:
-            instruments = []
-            for device, wanted in plan.devices:
-                typer.echo(f"connecting the {device.title} ...")
-                port = find_port(device, wanted)
-                instruments.append(stack.enter_context(connected(device, port, plan.clock)))
-                _print_identity(instruments[-1])
-            while (station := ask_station(plan.survey)) is not None:
-                report = _record(plan, instruments, station)
-                if report.problem is not None:
-                    raise report.problem
-                if plan.solve:
-                    _solve_so_far(plan.survey, station)
-            return False
-    except CaptureError as error:
-        if not ask_reconnect(error):
-            raise
-        return True
-
-
-def _print_identity(instrument: Instrument[Any]) -> None:
-    facts = dict(instrument.identity)
-    warning = facts.pop("warning", None)
-    typer.echo(f"{instrument.name}: " + ", ".join(f"{k} {v}" for k, v in facts.items()))
-    if warning:
-        typer.echo(f"warning: {warning}", err=True)
-
-
-def _record(plan: _Plan, instruments: list[Instrument[Any]], station: str) -> StationReport:
-    """Record one station into the folder."""
-    from ..capture.recorder import record_station
-    from ..io import read_time_zero, recording_station
-
-    begun = time.time()
-    zero = read_time_zero(plan.survey)
-    epoch = begun - zero.timestamp() if zero is not None else 0.0
-    with recording_station(plan.survey, station, epoch=epoch, keep_raw=plan.keep_raw) as recording:
-        with live_screen(station) as watch:
-            report = record_station(
-                instruments, plan.seconds, recording, watch=watch, clock=plan.clock
-            )
-        recording.finish(
-            complete=report.problem is None, log=_log(instruments, report, begun, plan)
-        )
-    print_station(station, report)
-    ask_heights(plan.survey, [anchor.anchor for anchor in report.live.anchors if anchor.count])
-    return report
-
-
-def _log(
-    instruments: list[Instrument[Any]], report: StationReport, begun: float, plan: _Plan
-) -> dict[str, Any]:
-    """What a later look at a recording needs to know of it."""
-    scan = report.live.scan
-    return {
-        "begun_utc": datetime.fromtimestamp(begun, UTC).isoformat(timespec="milliseconds"),
-        "begun_monotonic_s": plan.clock.now(),
-        "seconds_asked": plan.seconds,
-        "seconds": report.live.elapsed,
-        "problem": None if report.problem is None else str(report.problem),
-        "doubts": list(report.doubts),
-        "instruments": [
-            {
-                "device": item.device.name,
-                "port": item.port.name,
-                "baud": item.device.baud,
-                **item.identity,
-            }
-            for item in instruments
-        ],
-        "angle_convention": "counter-clockwise seen from above, 0 at the forward mark",
-        "scan": None if scan is None else _finite(asdict(scan)),
-        "anchors": [_finite(asdict(anchor)) for anchor in report.live.anchors],
-    }
-
-
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    return {k: None if isinstance(v, float) and v != v else v for k, v in row.items()}
-
-
-def _solve_so_far(survey: Path, station: str) -> None:
-    """Solve what there is and show it; a survey that cannot be solved yet is no error."""
-    from ..io import read_survey, recorded_stations
-    from ..model.errors import SlamUwbError
-    from ..pipeline import solve_survey
-    from .progress import progress_bar
-
-    if sum(bool(item.files) for item in recorded_stations(survey).values()) < 2:
-        return
-    try:
-        with progress_bar() as progress:
-            solution = solve_survey(read_survey(survey), progress=progress)
-    except SlamUwbError as error:
-        typer.echo(f"the survey so far: {error}")
-        return
-    print_survey_so_far(solution, station)

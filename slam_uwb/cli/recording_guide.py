@@ -13,6 +13,9 @@ from ..model.errors import CaptureError, SlamUwbError
 _MAX_UNCONFIRMED_M = 6.0
 """A ceiling is rarely higher; an anchor there may be given in feet."""
 
+_UPPER_M = 2.5
+"""Of the paper's raised scans."""
+
 
 def ask_station(survey: Path) -> str | None:
     """The identifier of the station to record next; None to end."""
@@ -65,10 +68,27 @@ def ask_heights(survey: Path, radios: Sequence[str]) -> None:
             put_anchor(survey, radio, None if math.isnan(height) else height)
 
 
+def ask_upper_height(station: str) -> float | None:
+    """The height in m to which the scanner is raised at a station; None to leave the raised scan out."""
+    from ..io import check_height
+
+    return ask_number(
+        f"Raise the scanner of {station} above the furniture without moving the tripod. "
+        f"Height above the floor in m (-: no raised scan) [{_UPPER_M:g}]",
+        check_height,
+        may_be_empty=True,
+        default=_UPPER_M,
+    )
+
+
 def ask_number(
-    question: str, check: Callable[[float], None], *, may_be_empty: bool = False
+    question: str,
+    check: Callable[[float], None],
+    *,
+    may_be_empty: bool = False,
+    default: float = math.nan,
 ) -> float | None:
-    """A number that `check` (raises SlamUwbError) lets pass; NaN for an empty answer, None for `-` or none.
+    """A number that `check` (raises SlamUwbError) lets pass; `default` for an empty answer, None for `-` or none.
 
     Raises:
         typer.Abort: the input ended where an answer is needed.
@@ -80,7 +100,7 @@ def ask_number(
         if answer is None or (answer == "-" and may_be_empty):
             return None
         if not answer and may_be_empty:
-            return math.nan
+            return default
         try:
             value = float(answer.replace(",", "."))
             check(value)
@@ -103,8 +123,11 @@ def ask_reconnect(error: CaptureError) -> bool:
 
 def _ask(question: str) -> str | None:
     """A line without blanks around it; None where the input ended."""
+    from ..capture.signals import signals_let_in
+
     try:
-        return input(f"{question}: ").strip()
+        with signals_let_in():
+            return input(f"{question}: ").strip()
     except EOFError:
         typer.echo()
         return None

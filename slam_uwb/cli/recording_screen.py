@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from ..capture.quality import AnchorQuality, ScanQuality
     from ..capture.recorder import Live, StationReport
-    from ..model.solution import AnchorEstimate, Solution
 
 Watch = Callable[["Live"], None]
 
@@ -88,10 +87,10 @@ def _figure(value: float, form: str) -> str:
     return "-" if math.isnan(value) else format(value, form)
 
 
-def print_station(station: str, report: StationReport) -> None:
+def print_station(title: str, report: StationReport) -> None:
     """How a recording went, to stdout."""
     state = "recorded" if report.problem is None else f"broke off: {report.problem}"
-    typer.echo(f"station {station} {state}")
+    typer.echo(f"{title} {state}")
     if report.live.scan is not None:
         for line in describe_scan(report.live.scan):
             typer.echo(f"  {line}")
@@ -99,26 +98,3 @@ def print_station(station: str, report: StationReport) -> None:
         typer.echo(f"  {describe_anchor(anchor)}")
     for doubt in report.doubts:
         typer.echo(f"  look at this: {doubt}")
-
-
-def print_survey_so_far(solution: Solution, station: str) -> None:
-    """The map, whether the station was placed, and which anchors are determined, to stdout."""
-    from .text_map import draw_text_map
-
-    for line in draw_text_map(solution):
-        typer.echo(line)
-    placed = [str(s.id) for s in solution.stations if s.status == "ok"]
-    here = next((s for s in solution.stations if str(s.id) == station), None)
-    if here is not None:
-        verdict = "placed" if here.status == "ok" else f"not placed: {here.status}"
-        typer.echo(f"station {station} {verdict}; {len(placed)} of {len(solution.stations)} placed")
-    for anchor in solution.anchors:
-        typer.echo(f"  anchor {anchor.id}: {_anchor_state(anchor)}")
-
-
-def _anchor_state(anchor: AnchorEstimate) -> str:
-    heard = f"heard from {anchor.stations} stations"
-    if anchor.status != "ok" or anchor.covariance is None:
-        return f"{anchor.status}, {heard}"
-    sigma = math.sqrt(max(float(anchor.covariance[0, 0] + anchor.covariance[1, 1]), 0.0))
-    return f"determined within {sigma:.2f} m (1 sigma), {heard}"

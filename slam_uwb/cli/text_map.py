@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from ..model.solution import FloorMap, Solution
 
 
-def draw_text_map(solution: Solution, columns: int = 76, rows: int = 30) -> list[str]:
+def draw_text_map(
+    solution: Solution, columns: int = 76, rows: int = 30, *, place: Vector2 | None = None
+) -> list[str]:
     """Lines of at most `columns` by `rows` characters; no lines without a map.
 
-    Walls are blocks, seen floor is a dot, stations are `o`, anchors `A`; y points up.
+    Walls are blocks, seen floor is a dot, stations are `o`, anchors `A`, `place` is `x`; y points up.
     """
     floor = solution.floor_map
     if floor is None or not floor.occupancy.size:
@@ -33,6 +35,8 @@ def draw_text_map(solution: Solution, columns: int = 76, rows: int = 30) -> list
     for anchor in solution.anchors:
         if anchor.position is not None:
             _mark(picture, floor, anchor.position, cells, "A")
+    if place is not None:
+        _mark(picture, floor, place, cells, "x")
     return ["".join(row).rstrip() for row in picture[::-1]]
 
 

@@ -20,6 +20,7 @@ from .station_recording import StationRecording, recording_station
 from .survey_checksum import survey_checksum
 from .survey_folder import SurveyCheck, check_survey, read_survey
 from .survey_writer import write_survey
+from .upper_recording import recording_upper_scan
 
 __all__ = [
     "StationRecording",
@@ -38,6 +39,7 @@ __all__ = [
     "read_time_zero",
     "recorded_stations",
     "recording_station",
+    "recording_upper_scan",
     "start_survey",
     "survey_checksum",
     "write_solution",

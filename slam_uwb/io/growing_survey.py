@@ -34,6 +34,8 @@ class RecordedStation:
     complete: bool
     files: tuple[str, ...]
     """Of its scan."""
+    upper_files: tuple[str, ...] = ()
+    """Of its raised scan."""
 
 
 def start_survey(
@@ -83,12 +85,15 @@ def recorded_stations(folder: Path) -> dict[str, RecordedStation]:
     """The stations in survey.toml by identifier."""
     found = {}
     for table in _load(folder).get("stations", []):
-        scan = table.get("scan", [])
-        files = [scan] if isinstance(scan, str) else list(scan)
         found[str(table["id"])] = RecordedStation(
-            bool(table.get("complete", True)), tuple(map(str, files))
+            bool(table.get("complete", True)), _files(table, "scan"), _files(table, "upper_scan")
         )
     return found
+
+
+def _files(table: Any, key: str) -> tuple[str, ...]:
+    given = table.get(key, [])
+    return (str(given),) if isinstance(given, str) else tuple(map(str, given))
 
 
 def known_radios(folder: Path) -> dict[str, float | None]:
@@ -107,14 +112,31 @@ def put_station(folder: Path, station: str, *, files: Sequence[str], complete: b
 
     def change(document: Any) -> None:
         table = _table(document, "stations", station)
-        table.pop("scan", None)
-        if files:
-            table["scan"] = files[0] if len(files) == 1 else list(files)
+        _put_files(table, "scan", files)
         table.pop("complete", None)
         if not complete:
             table["complete"] = False
 
     _edit(folder, change)
+
+
+def put_upper_scan(folder: Path, station: str, *, files: Sequence[str], height_m: float) -> None:
+    """Add the raised scan of a station that is there, or take it out where there are no `files`."""
+
+    def change(document: Any) -> None:
+        table = _table(document, "stations", station)
+        _put_files(table, "upper_scan", files)
+        table.pop("upper_scan_height_m", None)
+        if files:
+            table["upper_scan_height_m"] = float(height_m)
+
+    _edit(folder, change)
+
+
+def _put_files(table: Any, key: str, files: Sequence[str]) -> None:
+    table.pop(key, None)
+    if files:
+        table[key] = files[0] if len(files) == 1 else list(files)
 
 
 def remove_station(folder: Path, station: str) -> None:
@@ -124,8 +146,8 @@ def remove_station(folder: Path, station: str) -> None:
         tables = document.get("stations", [])
         for index, table in enumerate(tables):
             if table.get("id") == station:
-                table.pop("scan", None)
-                table.pop("complete", None)
+                for key in ("scan", "upper_scan", "upper_scan_height_m", "complete"):
+                    table.pop(key, None)
                 if set(table) == {"id"}:
                     del tables[index]
                 break

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from ..model.errors import SlamUwbError
 from ..model.geometry import FloatArray
 from . import csv_text
-from .degrees import degrees_from_radians
 from .growing_survey import (
     check_station_name,
     put_station,
@@ -20,14 +19,10 @@ from .growing_survey import (
     remove_station,
 )
 from .row_files import append_durably, rewrite_rows
+from .scan_recording import RawFiles, ScanFiles, free_aside, log_file, move_aside
 
-SCAN_HEADER = ("angle_deg", "range_m", "time_s", "signal")
 RANGES_HEADER = ("station", "anchor", "range_m", "time_s", "rss_dbm", "quality")
 ANCHOR_RANGES_HEADER = ("anchor_a", "anchor_b", "range_m", "time_s")
-MAX_SCAN_BYTES = 150_000_000
-"""A longer recording goes on in a further file: a reader takes files of 200 MB."""
-LOG_FOLDER = "recordings"
-"""Beside the survey's own files: how each recording went, raw bytes, what was recorded again."""
 
 
 @dataclass(slots=True)
@@ -40,14 +35,10 @@ class StationRecording:
     folder: Path
     station: str
     epoch: float
-    keep_raw: bool
-    max_scan_bytes: int = MAX_SCAN_BYTES
-    files: list[str] = field(default_factory=list)
-    returns: int = 0
-    _scan: list[bytes] = field(default_factory=list)
+    scan: ScanFiles
+    raw: RawFiles
     _ranges: list[str] = field(default_factory=list)
     _anchor_ranges: list[str] = field(default_factory=list)
-    _raw: dict[str, IO[bytes]] = field(default_factory=dict)
     _listed: tuple[tuple[str, ...], bool] | None = None
     """What survey.toml says: files, complete."""
 
@@ -55,15 +46,7 @@ class StationRecording:
         self, bearings: FloatArray, ranges: FloatArray, times: FloatArray, signals: FloatArray
     ) -> None:
         """(N,) samples: rad counter-clockwise, m (NaN: no return), s, device's units."""
-        text = csv_text.columns(
-            SCAN_HEADER,
-            csv_text.numbers(degrees_from_radians(bearings) % 360.0, 4),
-            csv_text.numbers(ranges, 3),
-            csv_text.numbers(times + self.epoch, 3),
-            csv_text.numbers(signals, 0),
-        )
-        self.returns += int((ranges > 0.0).sum())
-        self._scan.append(text.partition(b"\n")[2])
+        self.scan.add(bearings, ranges, times, signals)
 
     def add_range(
         self, anchor: str, distance: float, time: float, rss_dbm: float, quality: str
@@ -87,20 +70,12 @@ class StationRecording:
 
     def add_raw(self, device: str, data: bytes) -> None:
         """Bytes as they came, for ``recordings/``; passed over unless they are to be kept."""
-        if not self.keep_raw:
-            return
-        if device not in self._raw:
-            path = self.folder / LOG_FOLDER / "raw" / self.station / f"{device}.bin"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._raw[device] = path.open("wb")
-        self._raw[device].write(data)
+        self.raw.add(device, data)
 
     def flush(self) -> None:
         """Make durable what was added; the scan first, since survey.toml must not name a file without returns."""
-        for stream in self._raw.values():
-            stream.flush()
-        if self._scan:
-            self._flush_scan()
+        self.raw.flush()
+        self.scan.flush()
         self._list_in_survey(complete=False)
         if self._listed:
             _append(self.folder / "ranges.csv", RANGES_HEADER, self._ranges)
@@ -111,37 +86,21 @@ class StationRecording:
         self.flush()
         self.close()
         self._list_in_survey(complete=complete)
-        path = _log_file(self.folder, self.station)
+        path = log_file(self.folder, self.station)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(dict(log), indent=2) + "\n", encoding="utf-8")
 
     def close(self) -> None:
         """Close what is open; what is flushed stays."""
-        for stream in self._raw.values():
-            stream.close()
+        self.raw.close()
 
     def _list_in_survey(self, *, complete: bool) -> None:
         """Say in survey.toml what there is: files without returns and rows without station would be faults."""
-        files = tuple(self.files) if self.returns else ()
+        files = tuple(self.scan.files) if self.scan.returns else ()
         if not (files or self._ranges or self._listed) or self._listed == (files, complete):
             return
         put_station(self.folder, self.station, files=files, complete=complete)
         self._listed = (files, complete)
-
-    def _flush_scan(self) -> None:
-        data = b"".join(self._scan)
-        self._scan.clear()
-        if self.files:
-            current = self.folder / self.files[-1]
-            if current.stat().st_size < self.max_scan_bytes:
-                append_durably(current, data)
-                return
-        # Parts lie in a folder of their own: a station may be called s01-2.
-        name = f"scans/parts/{self.station}/{len(self.files) + 1}.csv"
-        self.files.append(name if self.files else f"scans/{self.station}.csv")
-        fresh = self.folder / self.files[-1]
-        fresh.parent.mkdir(parents=True, exist_ok=True)
-        append_durably(fresh, (",".join(SCAN_HEADER) + "\n").encode() + data)
 
 
 @contextmanager
@@ -162,7 +121,13 @@ def recording_station(
     check_station_name(station)
     _refuse_look_alike(folder, station)
     set_aside(folder, station)
-    recording = StationRecording(folder, station, epoch, keep_raw)
+    recording = StationRecording(
+        folder,
+        station,
+        epoch,
+        ScanFiles(folder, station, epoch),
+        RawFiles(folder, station, keep_raw),
+    )
     try:
         yield recording
     finally:
@@ -174,10 +139,7 @@ def set_aside(folder: Path, station: str) -> None:
 
     Ranges go first: rows of a station that survey.toml does not list would be a fault.
     """
-    log = folder / LOG_FOLDER
-    replaced = log / "replaced" / station
-    number = 1 + sum(1 for _ in replaced.glob("*")) if replaced.is_dir() else 1
-    aside = replaced / str(number)
+    aside = free_aside(folder, station)
     rewrite_rows(
         folder / "ranges.csv",
         RANGES_HEADER,
@@ -189,19 +151,9 @@ def set_aside(folder: Path, station: str) -> None:
     )
     known = recorded_stations(folder).get(station)
     remove_station(folder, station)
-    # A crash may have left a file that survey.toml does not name yet.
-    names = {f"scans/{station}.csv", *(known.files if known else ())}
-    files = [folder / name for name in sorted(names)] + [_log_file(folder, station)]
-    for part in (folder / "scans" / "parts" / station, log / "raw" / station):
-        files += sorted(part.iterdir()) if part.is_dir() else []
-    for file in files:
-        if file.is_file() and file.resolve().is_relative_to(folder.resolve()):
-            aside.mkdir(parents=True, exist_ok=True)
-            file.replace(aside / f"{file.parent.name}-{file.name}")
-
-
-def _log_file(folder: Path, station: str) -> Path:
-    return folder / LOG_FOLDER / "log" / f"{station}.json"
+    move_aside(folder, station, known.files if known else (), aside)
+    # The tripod may have moved: what it saw when it was raised goes with the rest.
+    move_aside(folder, f"upper/{station}", known.upper_files if known else (), aside)
 
 
 def _refuse_look_alike(folder: Path, station: str) -> None:

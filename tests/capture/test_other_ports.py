@@ -13,8 +13,8 @@ import pytest
 from slam_uwb.capture.emulator import plugged_in
 from slam_uwb.capture.frames import ld06
 from slam_uwb.capture.ports import LIDARS, TAGS, connected
-from slam_uwb.capture.ports.session import unhurried
 from slam_uwb.capture.recorder import record_station
+from slam_uwb.capture.signals import unhurried
 from slam_uwb.model.errors import CaptureError
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,19 @@ def run_program(*arguments: object, cwd: Path | None = None) -> subprocess.Compl
 def program() -> str:
     """The console script's path."""
     return PROGRAM
+
+
+@pytest.fixture
+def children_hear_signals() -> Iterator[None]:
+    """A suite that runs in the background ignores Ctrl-C, and a child would inherit that; a handler is not."""
+    before = {
+        number: signal.signal(number, signal.default_int_handler)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(number) is signal.SIG_IGN
+    }
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")

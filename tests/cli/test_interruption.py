@@ -2,20 +2,18 @@
 
 import signal
 import subprocess
+import sys
+import time
 from functools import partial
 
 import pytest
 
+from slam_uwb.cli.interruption import Interrupted, interruptible
+
 
 @pytest.fixture
-def interrupt(program):
+def interrupt(program, children_hear_signals):
     return partial(run_and_interrupt, program)
-
-
-def listen():
-    """Hear signals even where the suite itself runs in the background and ignores them."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
 
 
 def run_and_interrupt(program, arguments, stage, number):
@@ -25,7 +23,6 @@ def run_and_interrupt(program, arguments, stage, number):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=listen,
     ) as process:
         lines = iter(process.stderr.readline, "")
         assert any(stage in line for line in lines), "the stage was never reached"
@@ -79,3 +76,62 @@ def test_a_job_that_ignores_interrupts_goes_on(program, pristine_survey, tmp_pat
         process.communicate(timeout=60)
     assert process.returncode == 0
     assert (out / "solution.json").is_file()
+
+
+class Closing:
+    """Something whose destructor is Python code, as that of a dropped generator is."""
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+
+
+def test_an_interrupt_that_a_destructor_swallows_comes_again():
+    lost = []
+    with pytest.raises(Interrupted), interruptible():  # noqa: PT012
+        Closing()
+        lost.append(True)
+        time.sleep(10.0)
+    assert lost == [True]
+    assert sys.unraisablehook.__module__ != "slam_uwb.cli.interruption"
+    assert signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
+
+
+def test_other_errors_in_destructors_are_told_as_ever(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda lost: told.append(lost.exc_type))
+
+    class Broken:
+        def __del__(self):
+            raise ValueError
+
+    with interruptible() as came:
+        Broken()
+    assert told == [ValueError]
+    assert came == []
+
+
+TRACE = """
+import signal, sys
+from slam_uwb.cli import application
+
+def work(*_):
+    try:
+        signal.raise_signal(signal.SIGTERM)
+    except BaseException as error:
+        raise {error} from error
+
+application.application = work
+application.main()
+"""
+
+
+@pytest.mark.parametrize("error", ["RuntimeError('release unlocked lock')", "OSError(4, 'call')"])
+def test_an_error_made_of_an_interrupt_is_one(error):
+    done = subprocess.run(
+        [sys.executable, "-c", TRACE.format(error=error)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 130, done.stderr
+    assert "interrupted" in done.stderr

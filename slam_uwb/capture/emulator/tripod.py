@@ -52,13 +52,16 @@ class Tripod:
         return self.station
 
 
-def play_survey(survey: Survey, sample_hz: float, duration: float | None = None) -> Tripod:
+def play_survey(
+    survey: Survey, sample_hz: float, duration: float | None = None, *, upper: bool = False
+) -> Tripod:
     """The stations of a survey as instruments on a tripod measure them.
 
     Args:
         survey: simulated or recorded; stations without a scan are left out.
         sample_hz: of the emulated scanner.
         duration: s of a station; as long as its scan takes where None.
+        upper: whether the operator raises the scanner after each station that has an upper scan.
     """
     radios = radio_names(survey)
     played = []
@@ -70,12 +73,12 @@ def play_survey(survey: Survey, sample_hz: float, duration: float | None = None)
             for link in survey.ranges
             if link.station == station.id
         }
-        scan = _samples(station.scan)
-        played.append(
-            PlayedStation(
-                station.id, scan, _epochs(links), duration or max(len(scan), 1) / sample_hz
-            )
-        )
+        raised = station.upper_scan if upper else None
+        for recorded, heard in ((station.scan, links), (raised, {})):
+            if recorded is not None:
+                scan = _samples(recorded)
+                seconds = duration or max(len(scan), 1) / sample_hz
+                played.append(PlayedStation(station.id, scan, _epochs(heard), seconds))
     return Tripod(tuple(played))
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ...model.errors import CaptureError, MissingLibraryError
 from ..clock import REAL_TIME, Clock
+from ..signals import strike_now
 
 if TYPE_CHECKING:
     import serial
@@ -37,10 +38,12 @@ class Port:
             return int(self.line.fileno())
 
     def write(self, data: bytes) -> None:
-        """Send all of `data`."""
+        """Hand all of `data` to the system.
+
+        It is not waited until it is sent: a device that takes nothing would hold the program for ever.
+        """
         with self._told():
             self.line.write(data)
-            self.line.flush()
 
     def has_waiting(self) -> bool:
         """Whether bytes have arrived that nobody read yet."""
@@ -119,6 +122,8 @@ class Port:
             self.line.close()
 
     def _wait(self, limit: int | None = None) -> bytes:
+        """What comes within a moment. A signal that was held strikes here: nothing is half-done."""
+        strike_now()
         with self._told():
             select.select([self.line.fileno()], [], [], _POLL_S / self.clock.speed)
         return self.read_available(limit)

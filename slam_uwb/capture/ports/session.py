@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from types import FrameType
 from typing import Any, Generic
 
 from ...model.errors import CaptureError
 from ..clock import REAL_TIME, Clock
 from ..samples import Samples_co
+from ..signals import unhurried
 from .device import Device, Identity
 from .port import Port, open_port
-
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,31 +61,3 @@ def _lay_to_rest(device: Device[Any], port: Port) -> None:
     # What is gone cannot be stopped, and must not hide the error that ends the session.
     with unhurried(), suppress(CaptureError):
         device.rest(port)
-
-
-@contextmanager
-def unhurried() -> Iterator[None]:
-    """Hold back signals until a motor is stopped: a second or so. They count afterwards."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[int] = []
-
-    def hold(number: int, _frame: FrameType | None) -> None:
-        held.append(number)
-
-    before = {
-        number: signal.getsignal(number)
-        for number in _SIGNALS
-        # A job under nohup is meant to ignore them; None was set outside Python.
-        if signal.getsignal(number) not in (signal.SIG_IGN, None)
-    }
-    for number in before:
-        signal.signal(number, hold)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if held:
-            signal.raise_signal(signal.Signals(held[0]))

@@ -17,6 +17,7 @@ from slam_uwb.io import (
     read_time_zero,
     recorded_stations,
     recording_station,
+    recording_upper_scan,
     start_survey,
 )
 from slam_uwb.io.growing_survey import put_station, remove_station
@@ -148,7 +149,7 @@ def test_a_table_that_is_none_is_named(folder):
 
 def test_a_long_recording_goes_on_in_further_files(folder):
     with recording_station(folder, "s01", epoch=0.0) as recording:
-        recording.max_scan_bytes = 300
+        recording.scan.max_bytes = 300
         for k in range(10):
             fill(recording, TIMES + k)
         recording.finish(complete=True, log={})
@@ -229,3 +230,61 @@ def test_raw_bytes_are_kept_on_request(folder):
         path = folder / "recordings/raw/s01/sweep.bin"
         assert path.exists() == keep
     assert path.read_bytes() == b"\x00\x01\x02"
+
+
+def raised(folder, name="s01", *, complete=True, height_m=2.5, keep_raw=False):
+    with recording_upper_scan(
+        folder, name, height_m=height_m, epoch=20.0, keep_raw=keep_raw
+    ) as recording:
+        recording.add_scan(BEARINGS, RANGES + 1.0, TIMES, np.full(4, 150.0))
+        recording.add_range("A1", 9.0, 0.1, float("nan"), "")
+        recording.add_raw("sweep", b"raw")
+        recording.finish(complete=complete, log={"seconds": 60.0})
+
+
+def test_a_raised_scan_belongs_to_its_station(folder):
+    put_anchor(folder, "A1", 2.4)
+    complete_station(folder, "s01")
+    ranges = (folder / "ranges.csv").read_text()
+    raised(folder, keep_raw=True)
+    check = check_survey(folder)
+    assert (check.faults, check.warnings) == ((), ())
+    (station,) = check.survey.stations
+    assert station.upper_scan_height == 2.5
+    np.testing.assert_allclose(station.upper_scan.ranges, RANGES + 1.0)
+    np.testing.assert_allclose(station.scan.ranges, RANGES)
+    # The tag may hang higher meanwhile: its ranges are no measurement of this survey.
+    assert (folder / "ranges.csv").read_text() == ranges
+    assert (folder / "recordings/raw/upper/s01/sweep.bin").read_bytes() == b"raw"
+    assert (folder / "recordings/log/upper/s01.json").exists()
+
+
+def test_a_raised_scan_that_broke_off_is_not_named(folder):
+    complete_station(folder, "s01")
+    raised(folder, complete=False)
+    assert read_survey(folder).stations[0].upper_scan is None
+    assert (folder / "scans/upper/s01.csv").exists()
+    raised(folder, height_m=2.6)
+    assert read_survey(folder).stations[0].upper_scan_height == 2.6
+    assert (folder / "recordings/replaced/s01/1/upper-s01.csv").exists()
+
+
+def test_a_station_recorded_again_loses_its_raised_scan_but_not_the_file(folder):
+    complete_station(folder, "s01")
+    raised(folder)
+    complete_station(folder, "s01")
+    station = read_survey(folder).stations[0]
+    assert (station.upper_scan, station.upper_scan_height) == (None, None)
+    kept = {path.name for path in (folder / "recordings/replaced/s01/1").iterdir()}
+    assert {"scans-s01.csv", "upper-s01.csv", "log-s01.json"} <= kept
+
+
+@pytest.mark.parametrize(
+    ("name", "height_m", "told"),
+    [("s02", 2.5, "own scan first"), ("s01", 250.0, "metres"), ("../s", 2.5, "own scan first")],
+)
+def test_no_raised_scan(folder, name, height_m, told):
+    complete_station(folder, "s01")
+    with pytest.raises(SlamUwbError, match=told):
+        raised(folder, name, height_m=height_m)
+    assert read_survey(folder).stations[0].upper_scan is None
