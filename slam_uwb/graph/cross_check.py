@@ -19,6 +19,7 @@ _NEAR_M, _NEAR_RAD = 0.02, 0.005
 """The batch solver starts this far off, or it would return its start."""
 _MAX_ITERATIONS = 1000
 """A handful is the rule; along the line of its stations an anchor creeps."""
+_LEAST_DAMPING = 1e-12
 _FAR_M, _STARTS = 0.3, 2
 """Anchors are tried from this far away: on the other side of a wall the labels would be others."""
 _LOWER_COST = 1e-6
@@ -41,6 +42,9 @@ def batch_gap(optimum: Optimum, indices: Indices) -> float:
     parameters.setRelativeErrorTol(1e-14)
     parameters.setAbsoluteErrorTol(1e-14)
     parameters.setMaxIterations(_MAX_ITERATIONS)
+    # Without a bound hundreds of accepted steps divide it down to zero, which never grows again: the
+    # first step that fails would be tried for ever.
+    parameters.setlambdaLowerBound(_LEAST_DAMPING)
     start = _displaced(optimum.variables, _NEAR_M, _NEAR_RAD, 0.0)
     values = to_values(start, indices, with_offset=len(optimum.ranges.table.measured) > 0)
     batch = gtsam.LevenbergMarquardtOptimizer(optimum.graph, values, parameters).optimize()
