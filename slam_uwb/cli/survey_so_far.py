@@ -87,7 +87,7 @@ def _state(solution: Solution, station: str) -> str:
 
 
 def _anchor_state(anchor: AnchorEstimate) -> str:
-    heard = f"heard from {anchor.stations} stations"
+    heard = f"ranges of {anchor.stations} stations used"
     if anchor.status != "ok" or anchor.covariance is None:
         return f"{anchor.status}, {heard}"
     sigma = math.sqrt(max(float(anchor.covariance[0, 0] + anchor.covariance[1, 1]), 0.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import select
 import termios
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _LATE_S = 0.05
 """Of the host; silence is believed after that."""
+_SENT_S = 1.0
+"""Of the host; commands are a few bytes."""
 _POLL_S = 0.02
 """Of the host; longest single wait for bytes, so that scaled clocks are kept."""
 
@@ -38,12 +41,13 @@ class Port:
             return int(self.line.fileno())
 
     def write(self, data: bytes) -> None:
-        """Hand all of `data` to the system.
-
-        It is not waited until it is sent: a device that takes nothing would hold the program for ever.
-        """
+        """Send all of `data`."""
         with self._told():
             self.line.write(data)
+            # Not `flush`: a device that takes nothing would hold the program there for ever.
+            end = time.monotonic() + _SENT_S
+            while self.line.out_waiting and time.monotonic() < end:
+                time.sleep(0.001)
 
     def has_waiting(self) -> bool:
         """Whether bytes have arrived that nobody read yet."""

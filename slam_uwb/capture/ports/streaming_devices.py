@@ -1,6 +1,7 @@
 """Instruments that talk by themselves once they have power, or need a line or two to begin.
 
-All were tested on the bytes of the protocol notes only, none on a port.
+All were tested on the bytes of the protocol notes only, their handshakes over pseudo-terminals against devices
+that say what the notes say, none on the instrument.
 """
 
 from __future__ import annotations

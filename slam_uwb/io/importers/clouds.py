@@ -1,7 +1,8 @@
-"""Point clouds (PCD, PLY, LAS, E57), sliced at a height band into what a 2-D scanner at their origin would see."""
+"""Point clouds (PCD, PLY, LAS, LAZ, E57), sliced at a height band into what a 2-D scanner there would see."""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,10 @@ from ...model.geometry import FloatArray
 from .scans import Polar
 
 MAX_CLOUD_BYTES = 4_000_000_000
+_MAX_POINTS_PER_BYTE = 4
+"""Real clouds pack a point into some bytes; a small file may claim any number."""
+_RECORD_BYTES = 54
+"""Of the header of a LAS file's variable length record."""
 _STEP = np.deg2rad(0.25)
 """Of the bearings: the nearest return of each is what a scanner sees."""
 
@@ -61,10 +66,35 @@ def _laspy(path: Path) -> FloatArray:
         import laspy
     except ImportError:
         raise _missing(path, "clouds") from None
+    size = path.stat().st_size
     try:
-        return np.asarray(laspy.read(path).xyz, dtype=np.float64)
-    except (laspy.errors.LaspyException, OSError, ValueError) as error:
+        _refuse_claims(path, size)
+        with laspy.open(path) as file:
+            number, limit = file.header.point_count, _MAX_POINTS_PER_BYTE * size
+            if number > limit:
+                raise _fault(path, f"claims {number:,} points, the limit for its size is {limit:,}")
+            return np.asarray(file.read().xyz, dtype=np.float64)
+    except SurveyFormatError:
+        raise
+    except Exception as error:
+        # The unpacking library raises its own types beside those of laspy.
+        if path.suffix.lower() == ".laz" and not laspy.LazBackend.detect_available():
+            raise _missing(path, "clouds") from None
         raise _fault(path, f"no LAS file: {error}") from None
+
+
+def _refuse_claims(path: Path, size: int) -> None:
+    """SurveyFormatError where a LAS header counts more records than the file has room for.
+
+    The library believes the counts: a file of some bytes would keep it busy for hours.
+    """
+    with path.open("rb") as file:
+        head = file.read(247).ljust(247, b"\0")
+    # LAS 1.4, table 3: variable length records at byte 100, from 1.4 on extended ones at byte 243.
+    (records,) = struct.unpack_from("<I", head, 100)
+    (extended,) = struct.unpack_from("<I", head, 243) if head[25] >= 4 else (0,)
+    if _RECORD_BYTES * (records + extended) > size:
+        raise _fault(path, f"no LAS file: claims {records + extended:,} records in {size:,} bytes")
 
 
 def _pye57(path: Path) -> FloatArray:
@@ -86,6 +116,7 @@ _READERS: dict[str, Callable[[Path], FloatArray]] = {
     ".pcd": _open3d,
     ".ply": _open3d,
     ".las": _laspy,
+    ".laz": _laspy,
     ".e57": _pye57,
 }
 

@@ -10,7 +10,7 @@ import pytest
 
 from slam_uwb.io.importers import ImportOptions, import_survey
 from slam_uwb.io.importers.source import station_name
-from slam_uwb.model.errors import SlamUwbError, SurveyFormatError
+from slam_uwb.model.errors import MissingLibraryError, SlamUwbError, SurveyFormatError
 
 OPTIONS = ImportOptions("test", tag_height=1.4)
 
@@ -224,15 +224,48 @@ def test_ply_and_pcd(file):
         imported("cloud", file("c.ply", "ply\nnonsense\n"))
 
 
-def test_las(tmp_path, file):
+def write_las(path):
     laspy = pytest.importorskip("laspy")
     las = laspy.create(point_format=0, file_version="1.2")
     las.header.scales = [0.001] * 3
     las.x, las.y, las.z = SQUARE.T
-    las.write(tmp_path / "s01.las")
+    las.write(path)
+
+
+def test_las(tmp_path, file):
+    write_las(tmp_path / "s01.las")
     check_cloud(tmp_path / "s01.las")
+    whole = (tmp_path / "s01.las").read_bytes()
+    # Byte 100 counts records; they would be looked for one by one.
+    greedy = whole[:100] + b"\xff" * 4 + whole[104:]
+    for spoilt in ("nonsense", greedy, whole[:300]):
+        with pytest.raises(SurveyFormatError, match="no LAS"):
+            imported("cloud", file("c.las", spoilt))
+
+
+def test_laz(tmp_path, file):
+    pytest.importorskip("lazrs")
+    write_las(tmp_path / "s01.laz")
+    check_cloud(tmp_path / "s01.laz")
+    whole = (tmp_path / "s01.laz").read_bytes()
     with pytest.raises(SurveyFormatError, match="no LAS"):
-        imported("cloud", file("c.las", "nonsense"))
+        imported("cloud", file("c.laz", whole[: len(whole) - 60]))
+    # The header's number of points, at byte 107: a thousand million in a file of a few hundred bytes.
+    bomb = whole[:107] + (1_000_000_000).to_bytes(4, "little") + whole[111:]
+    with pytest.raises(SurveyFormatError, match="claims 1,000,000,000 points, the limit"):
+        imported("cloud", file("d.laz", bomb))
+
+
+def test_a_packed_cloud_without_its_library_says_what_to_install(tmp_path, monkeypatch):
+    laspy = pytest.importorskip("laspy")
+    write_las(tmp_path / "s01.las")
+    packed = bytearray((tmp_path / "s01.las").read_bytes())
+    # Packed points have the highest bit of their format set.
+    packed[104] |= 0x80
+    (tmp_path / "s01.laz").write_bytes(packed)
+    monkeypatch.setattr(laspy.LazBackend, "detect_available", staticmethod(lambda: ()))
+    with pytest.raises(MissingLibraryError, match=r"slam-uwb\[clouds\]"):
+        imported("cloud", tmp_path / "s01.laz")
 
 
 def test_e57(tmp_path, file):
