@@ -23,18 +23,20 @@ from slam_uwb.capture.ports import LIDARS, TAGS, Instrument, connected
 from slam_uwb.model.survey import Survey
 from slam_uwb.simulate import Lidar, Radio, simulate_survey
 
+MAX_UNREAD = 1000
+"""Bytes; 0.3 s of a Sweep."""
+MAX_HOLD_S = 0.1
+
 
 class SteppedClock(Clock):
-    """Time passes only while the emulator runs: a busy machine makes a test slow, not wrong.
+    """Passes while the emulator runs and the host keeps up: a busy machine makes a test slow, not wrong."""
 
-    It is a device itself, which sends nothing and moves the time on at each round of the emulator.
-    """
-
-    __slots__ = ("moment",)
+    __slots__ = ("held_since", "moment")
 
     def __init__(self, speed: float) -> None:
         super().__init__(speed)
         object.__setattr__(self, "moment", 1000.0)
+        object.__setattr__(self, "held_since", None)
 
     def now(self) -> float:
         return self.moment
@@ -47,15 +49,15 @@ class SteppedClock(Clock):
     def patience(self, limit: float) -> float:
         return limit
 
-    def power_on(self, now: float) -> None:
-        pass
-
-    def receive(self, data: bytes, now: float) -> bytes:
-        return b""
-
-    def stream(self, now: float) -> bytes:
+    def step(self, unread: int) -> None:
+        """After a round of the emulator. It waits for bytes to be fetched, but not for ever: nobody may listen."""
+        if unread > MAX_UNREAD:
+            if self.held_since is None:
+                object.__setattr__(self, "held_since", time.monotonic())
+            if time.monotonic() - self.held_since < MAX_HOLD_S:
+                return
+        object.__setattr__(self, "held_since", None)
         object.__setattr__(self, "moment", self.moment + 0.002 * self.speed)
-        return b""
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def short_survey(scene: str, seed: int, seconds: float) -> Survey:
 
 @pytest.fixture
 def clock() -> SteppedClock:
-    """To be plugged in beside the devices that go by it."""
+    """Its `step` is what the emulator calls after each round."""
     return SteppedClock(20.0)
 
 
@@ -113,12 +115,9 @@ def make_bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
             bench = Bench(sweep, tag, ports, SteppedClock(speed), spoilt)
             stack.enter_context(
                 plugged_in(
-                    {
-                        ports / "sweep": bench.sweep,
-                        ports / "tag": bench.tag,
-                        ports / "clock": bench.clock,
-                    },
+                    {ports / "sweep": bench.sweep, ports / "tag": bench.tag},
                     clock=bench.clock,
+                    after_round=bench.clock.step,
                     faults=spoilt,
                 )
             )

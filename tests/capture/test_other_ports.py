@@ -87,7 +87,7 @@ class Sink:
 
 def record(device, emulated, path: Path, clock, seconds=2.0):
     sink = Sink()
-    with plugged_in({path: emulated, path.with_name("clock"): clock}, clock=clock):
+    with plugged_in({path: emulated}, clock=clock, after_round=clock.step):
         try:
             with connected(device, str(path), clock) as instrument:
                 report = record_station([instrument], seconds, sink, clock=clock)
@@ -179,7 +179,7 @@ def test_an_rplidar_that_answers_express_by_another_kind_of_capsules(tmp_path, c
 )
 def test_an_rplidar_that_is_not_well(tmp_path, clock, device, told):
     with (
-        plugged_in({tmp_path / "port": device, tmp_path / "clock": clock}, clock=clock),
+        plugged_in({tmp_path / "port": device}, clock=clock, after_round=clock.step),
         pytest.raises(CaptureError, match=told),
         connected(LIDARS["rplidar-a1"], str(tmp_path / "port"), clock),
     ):
@@ -200,7 +200,7 @@ def test_ld06(tmp_path, clock):
 def test_noise_is_no_ld06(tmp_path, clock):
     noise = Device({}, bytes(range(7)), 0.001, None, None)
     with (
-        plugged_in({tmp_path / "port": noise, tmp_path / "clock": clock}, clock=clock),
+        plugged_in({tmp_path / "port": noise}, clock=clock, after_round=clock.step),
         pytest.raises(CaptureError, match="no frames of an LD06"),
         connected(LIDARS["ld06"], str(tmp_path / "port"), clock),
     ):

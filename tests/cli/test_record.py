@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import threading
@@ -231,6 +232,32 @@ def test_a_signal_stops_the_motor_and_keeps_what_was_recorded(program, setup, tm
     assert not setup.tag.reporting
     assert check_survey(folder).faults == ()
     assert not recorded_stations(folder)["s01"].complete
+
+
+@pytest.mark.usefixtures("children_hear_signals")
+@pytest.mark.parametrize("times", [1, 5])
+def test_a_signal_while_the_operator_is_asked(program, setup, tmp_path, times):
+    with subprocess.Popen(
+        [program, "record", str(tmp_path / "survey"), *setup.arguments, "--tag-height-m", "1.4"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        told = b""
+        while b"Set up the tripod" not in told:
+            more = os.read(process.stdout.fileno(), 4096)
+            assert more, process.stderr.read()
+            told += more
+        # The motor turns while the operator carries the tripod.
+        assert setup.sweep.motor == 2
+        for _ in range(times):
+            # An impatient operator: the later ones must not kill the program before the motor stands.
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.02)
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert errors.splitlines()[-1].startswith(b"slam-uwb: interrupted")
+    assert setup.sweep.motor == 0
 
 
 @pytest.mark.parametrize(

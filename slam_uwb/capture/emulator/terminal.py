@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pty
 import select
+import sys
+import termios
 import threading
 import tty
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -89,6 +92,13 @@ class _Plug:
             self.pending = self.pending[os.write(self.master, self.pending) :]
         self.pending = self.pending[:_MAX_PENDING]
 
+    def unread(self) -> int:
+        """Bytes on their way to the host."""
+        if self.master < 0:
+            return 0
+        waiting = fcntl.ioctl(self.slave, termios.FIONREAD, bytes(4))
+        return len(self.pending) + int.from_bytes(waiting, sys.byteorder)
+
     def _stream(self, now: float) -> None:
         data = self.device.stream(now)
         if not data:
@@ -111,6 +121,7 @@ def plugged_in(
     clock: Clock = REAL_TIME,
     faults: Mapping[Path, Faults] | None = None,
     seed: int = 0,
+    after_round: Callable[[int], None] = lambda _unread: None,
 ) -> Iterator[None]:
     """The devices answer at these paths while inside; a thread plays them.
 
@@ -119,6 +130,8 @@ def plugged_in(
         clock: of the devices.
         faults: by path.
         seed: of the damage.
+        after_round: called each time that all devices had their turn, with the bytes that the host has
+            not fetched yet.
     """
     chosen = {} if faults is None else faults
     plugs = [
@@ -127,7 +140,7 @@ def plugged_in(
     ]
     stop = threading.Event()
     thread = threading.Thread(
-        target=_serve, args=(plugs, clock, stop), name="emulator", daemon=True
+        target=_serve, args=(plugs, clock, stop, after_round), name="emulator", daemon=True
     )
     try:
         for plug in plugs:
@@ -142,10 +155,13 @@ def plugged_in(
             plug.pull_out()
 
 
-def _serve(plugs: list[_Plug], clock: Clock, stop: threading.Event) -> None:
+def _serve(
+    plugs: list[_Plug], clock: Clock, stop: threading.Event, after_round: Callable[[int], None]
+) -> None:
     while not stop.is_set():
         for plug in plugs:
             plug.serve(clock.now())
+        after_round(sum(plug.unread() for plug in plugs))
         numbers = [plug.master for plug in plugs if plug.master >= 0]
         select.select(numbers, [], [], 0.0)
         stop.wait(_TICK_S)
