@@ -25,7 +25,8 @@ from slam_uwb.simulate import Lidar, Radio, simulate_survey
 
 MAX_UNREAD = 1000
 """Bytes; 0.3 s of a Sweep."""
-MAX_HOLD_S = 0.1
+MAX_HOLD_S = 0.3
+"""Of the host, at a stretch: while one instrument is stopped, nobody listens to the other."""
 
 
 class SteppedClock(Clock):
@@ -51,12 +52,12 @@ class SteppedClock(Clock):
 
     def step(self, unread: int) -> None:
         """After a round of the emulator. It waits for bytes to be fetched, but not for ever: nobody may listen."""
-        if unread > MAX_UNREAD:
-            if self.held_since is None:
-                object.__setattr__(self, "held_since", time.monotonic())
-            if time.monotonic() - self.held_since < MAX_HOLD_S:
-                return
-        object.__setattr__(self, "held_since", None)
+        since = self.held_since if unread > MAX_UNREAD else None
+        if unread > MAX_UNREAD and since is None:
+            since = time.monotonic()
+        object.__setattr__(self, "held_since", since)
+        if since is not None and time.monotonic() - since < MAX_HOLD_S:
+            return
         object.__setattr__(self, "moment", self.moment + 0.002 * self.speed)
 
 
