@@ -16,8 +16,9 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from itertools import count
 from multiprocessing import get_context, parent_process
 from types import FrameType
 from typing import TypeVar
@@ -31,6 +32,8 @@ ATTEMPTS = 2
 """A process that ended may have been the victim of another's memory; a second one was not."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Read by the libraries of linear algebra when they are loaded."""
+_BEAT_S, _BEATS_A_SIGNAL = 0.05, 40
+"""A process that is to stop clears up after its task first: it is signalled again only every two seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +121,24 @@ def _end(idle: Sequence[_Worker], busy: Sequence[_Worker]) -> None:
     """Idle processes leave; busy ones drop what they do, clean up after it and leave."""
     for worker in (*idle, *busy):
         worker.pool.shutdown(wait=False, cancel_futures=True)
-    for worker in busy:
-        with suppress(ProcessLookupError):
-            os.kill(worker.pid, signal.SIGTERM)
+    _terminate([worker.pid for worker in busy])
     for worker in (*idle, *busy):
         worker.pool.shutdown()
+
+
+def _terminate(pids: Sequence[int]) -> None:
+    """Have processes stop what they do, and wait for it."""
+    waiting = set(pids)
+    for beat in count():
+        for pid in tuple(waiting):
+            try:
+                # More than once: Python drops what a signal raises in a destructor.
+                os.kill(pid, 0 if beat % _BEATS_A_SIGNAL else signal.SIGTERM)
+            except ProcessLookupError:
+                waiting.discard(pid)
+        if not waiting:
+            return
+        time.sleep(_BEAT_S)
 
 
 def _begin() -> None:
@@ -131,12 +147,19 @@ def _begin() -> None:
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop)
+    sys.unraisablehook = _tell_unless_stopped
     threading.Thread(target=_follow_parent, daemon=True).start()
 
 
 def _stop(_number: int, _frame: FrameType | None) -> None:
     # No Exception, so that nothing that goes on after one bad pair or link goes on after this.
     sys.exit(128 + signal.SIGTERM)
+
+
+def _tell_unless_stopped(dropped: sys.UnraisableHookArgs) -> None:
+    """Tell of what was raised in a destructor; that the process was stopped there is no news."""
+    if not issubclass(dropped.exc_type, SystemExit):
+        sys.__unraisablehook__(dropped)
 
 
 def _follow_parent() -> None:
