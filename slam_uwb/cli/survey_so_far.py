@@ -12,7 +12,6 @@ import typer
 
 from .next_place import NextPlace, find_next_place
 from .progress import Progress, progress_bar
-from .text_map import draw_text_map
 
 if TYPE_CHECKING:
     from ..model.solution import AnchorEstimate, Solution
@@ -64,6 +63,8 @@ def _within(
 
 
 def _print(solution: Solution, station: str, place: NextPlace | None) -> None:
+    from .text_map import draw_text_map
+
     for line in draw_text_map(solution, place=None if place is None else place.place):
         typer.echo(line)
     placed = [s for s in solution.stations if s.status == "ok"]
