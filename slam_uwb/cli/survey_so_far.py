@@ -63,7 +63,7 @@ def _within(
 
 
 def _print(solution: Solution, station: str, place: NextPlace | None) -> None:
-    from .text_map import draw_text_map  # with numpy, which the program's start does not wait for
+    from .text_map import draw_text_map
 
     for line in draw_text_map(solution, place=None if place is None else place.place):
         typer.echo(line)
