@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy.special import chdtri
 
 from ..model.geometry import FloatArray
 
@@ -98,6 +98,9 @@ def sign_flip_test(
     Raises:
         ValueError: The lengths differ.
     """
+    # Loading it takes as long as a small survey's report, which needs none of it.
+    from scipy.stats import permutation_test
+
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1:
         raise ValueError(f"shapes {a.shape} and {b.shape}, expected (N,) twice")
@@ -108,7 +111,7 @@ def sign_flip_test(
     p_value = 1.0
     if len(differences) > 1:
         # Given as many draws as there are signs, scipy tries each once.
-        p_value = stats.permutation_test(
+        p_value = permutation_test(
             differences[None], np.mean, permutation_type="samples", n_resamples=draws, rng=rng
         ).pvalue
     return PairedComparison(
@@ -124,8 +127,8 @@ def nees_bounds(dof: int, level: float = 0.95) -> tuple[float, float]:
     """Two-sided bounds of NEES / dof for consistent covariances (Bar-Shalom et al. 2001, 5.4.2)."""
     if dof < 1:
         return float("nan"), float("nan")
-    tails = 0.5 * (1.0 + np.array([-level, level]))
-    low, high = stats.chi2.ppf(tails, dof) / dof
+    above = 0.5 * (1.0 + np.array([level, -level]))
+    low, high = chdtri(dof, above) / dof
     return float(low), float(high)
 
 

@@ -18,7 +18,7 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import STRIDE, Block, Seen, merge_gains
+from .evidence import STRIDE, Block, Seen, total_evidence
 from .index import ScanIndex, within_sight
 from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
 from .score import point_evidence
@@ -105,6 +105,7 @@ def _rivals(
 ) -> dict[frozenset[StationId], Rival]:
     """Groups of stations that fit elsewhere in the rest of the block."""
     seen, touching = _seen_by_each(block, scans, settings), touching_stations(hypotheses)
+    whole = total_evidence(block, scans, settings)
     found = {}
     for group in groups:
         rest = _part(block, block.poses.keys() - group, seen)
@@ -114,9 +115,10 @@ def _rivals(
         inverse = pose.inverse()
         part = replace(part, poses={s: inverse @ place for s, place in part.poses.items()})
         others = merge_candidates(rest, part, touching)
+        others = others[distant(others, pose.vector, _ELSEWHERE_M / 2, _ELSEWHERE_RAD / 2)]
         others, gains = aligned_gains(rest, part, others, scans, settings)
-        own = merge_gains(rest, part, pose.vector[None, :], scans, settings)
-        places, gains = np.vstack([pose.vector, others]), np.concatenate([own, gains])
+        own = whole - total_evidence(rest, scans, settings) - total_evidence(part, scans, settings)
+        places, gains = np.vstack([pose.vector, others]), np.array([own, *gains])
         allowed = gains >= settings.min_margin_m
         allowed[0] = True
         places, gains = places[allowed], gains[allowed]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose, invert
 from .index import ScanIndex, within_sight
-from .score import point_evidence
+from .score import PointEvidence, point_evidence
 
 STRIDE = 2
 """Every second point is enough to weigh walls."""
@@ -81,44 +82,35 @@ class Crossing:
 
 
 def crossing(
-    a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
-) -> Iterator[Crossing]:
-    """Every pair of stations across two blocks, at candidates a_T_b (K, 3)."""
-    for j, b_T_j in b.poses.items():
-        a_T_j = compose(candidates, np.tile(b_T_j.vector, (len(candidates), 1)))
-        for i, a_T_i in a.poses.items():
-            apart = np.hypot(a_T_j[:, 0] - a_T_i.x, a_T_j[:, 1] - a_T_i.y)
-            near = np.flatnonzero(within_sight(scans[i], scans[j], apart))
-            if len(near):
-                a_T_i_inverse = np.tile(a_T_i.inverse().vector, (len(near), 1))
-                yield Crossing(i, j, near, compose(a_T_i_inverse, a_T_j[near]), b_T_j)
-
-
-def _cross_seen(
     a: Block,
     b: Block,
     candidates: FloatArray,
     scans: Mapping[StationId, ScanIndex],
-    settings: MatchingSettings,
-) -> tuple[dict[StationId, Seen], dict[StationId, Seen]]:
-    """What the scans of each block say of the points of the other's, with arrays (K, N) over the candidates."""
-    seen_a = {i: _broadcast(seen, len(candidates)) for i, seen in a.seen.items()}
-    seen_b = {j: _broadcast(seen, len(candidates)) for j, seen in b.seen.items()}
-    for pair in crossing(a, b, candidates, scans):
-        for seen, witness, pose in (
-            (seen_b[pair.j], (pair.i, pair.j), pair.i_T_j),
-            (seen_a[pair.i], (pair.j, pair.i), invert(pair.i_T_j)),
-        ):
-            target, source = witness
-            said = point_evidence(scans[target], scans[source], pose, settings, STRIDE)
-            seen.hits[pair.near] += said.hit
-            seen.best[pair.near] = np.maximum(seen.best[pair.near], said.hit)
-            seen.through[pair.near] += said.seen_through
-    return seen_a, seen_b
+) -> Iterator[Crossing]:
+    """Every pair of stations across two blocks, at candidates a_T_b (K, 3); one station of `b` after the other."""
+    every = np.arange(len(candidates))
+    for j in b.poses:
+        yield from _crossing_one(a, b, j, candidates, every, scans)
 
 
-def _broadcast(seen: Seen, count: int) -> Seen:
-    return Seen(*(np.tile(values, (count, 1)) for values in (seen.hits, seen.best, seen.through)))
+def _crossing_one(
+    a: Block,
+    b: Block,
+    j: StationId,
+    candidates: FloatArray,
+    numbers: NDArray[np.intp],
+    scans: Mapping[StationId, ScanIndex],
+) -> Iterator[Crossing]:
+    """Station `j` of `b` with every station of `a`, at those of the candidates that have these numbers."""
+    b_T_j = b.poses[j]
+    a_T_j = compose(candidates[numbers], b_T_j.vector[None, :])
+    places = np.array([pose.translation for pose in a.poses.values()])
+    apart = np.hypot(*(places[:, None, :] - a_T_j[:, :2]).transpose(2, 0, 1))
+    for (i, a_T_i), metres in zip(a.poses.items(), apart, strict=True):
+        near = np.flatnonzero(within_sight(scans[i], scans[j], metres))
+        if len(near):
+            i_T_j = compose(a_T_i.inverse().vector[None, :], a_T_j[near])
+            yield Crossing(i, j, numbers[near], i_T_j, b_T_j)
 
 
 def total_evidence(
@@ -137,15 +129,72 @@ def merge_gains(
     candidates: FloatArray,
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
+    *,
+    least: float = -math.inf,
 ) -> FloatArray:
-    """(K,) evidence of the merged map minus that of the two blocks apart."""
-    apart = total_evidence(a, scans, settings) + total_evidence(b, scans, settings)
-    together = sum(
-        evidence_of(seen, lengths_of(scans[station]), settings)
-        for side in _cross_seen(a, b, candidates, scans, settings)
-        for station, seen in side.items()
-    )
-    return np.asarray(together - apart)
+    """(K,) evidence of the merged map minus that of the two blocks apart, at candidates a_T_b (K, 3).
+
+    A candidate is given up, with a gain of minus infinity, when what `a` says of the stations of `b`, one
+    after the other, comes to less than `least`.
+    """
+    gains = np.zeros(len(candidates))
+    crossed: list[Crossing] = []
+    for j, alone in b.seen.items():
+        live = np.flatnonzero(gains >= least)
+        pairs = list(_crossing_one(a, b, j, candidates, live, scans))
+        seen = _repeated(alone, len(candidates))
+        for pair in pairs:
+            _add(seen, pair.near, _said_of_j(pair, scans, settings))
+        gains += _gain(seen, alone, scans[j], settings)
+        crossed += pairs
+    gains[gains < least] = -math.inf
+    of_a: dict[StationId, Seen] = {}
+    for pair in _only(crossed, gains >= least):
+        if pair.i not in of_a:
+            of_a[pair.i] = _repeated(a.seen[pair.i], len(candidates))
+        _add(of_a[pair.i], pair.near, _said_of_i(pair, scans, settings))
+    for i, seen in of_a.items():
+        gains += _gain(seen, a.seen[i], scans[i], settings)
+    return gains
+
+
+def _only(pairs: Iterable[Crossing], live: NDArray[np.bool_]) -> Iterator[Crossing]:
+    """The crossings at the candidates that are left."""
+    for pair in pairs:
+        kept = live[pair.near]
+        if kept.any():
+            yield replace(pair, near=pair.near[kept], i_T_j=pair.i_T_j[kept])
+
+
+def _gain(together: Seen, alone: Seen, scan: ScanIndex, settings: MatchingSettings) -> FloatArray:
+    """(K,) what new witnesses add to the evidence of one scan's walls."""
+    lengths = lengths_of(scan)
+    return evidence_of(together, lengths, settings) - evidence_of(alone, lengths, settings)
+
+
+def _said_of_j(
+    pair: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+) -> PointEvidence:
+    """What the first block's station says of the points of the second's."""
+    return point_evidence(scans[pair.i], scans[pair.j], pair.i_T_j, settings, STRIDE)
+
+
+def _said_of_i(
+    pair: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+) -> PointEvidence:
+    """The reverse."""
+    return point_evidence(scans[pair.j], scans[pair.i], invert(pair.i_T_j), settings, STRIDE)
+
+
+def _add(seen: Seen, numbers: NDArray[np.intp], said: PointEvidence) -> None:
+    """Add what one more scan says, at the candidates of these numbers, to what is seen (K, N)."""
+    seen.hits[numbers] += said.hit
+    seen.best[numbers] = np.maximum(seen.best[numbers], said.hit)
+    seen.through[numbers] += said.seen_through
+
+
+def _repeated(seen: Seen, count: int) -> Seen:
+    return Seen(*(np.tile(values, (count, 1)) for values in (seen.hits, seen.best, seen.through)))
 
 
 def merge_blocks(
@@ -157,11 +206,14 @@ def merge_blocks(
 ) -> Block:
     """One block in the frame of `a`."""
     pose = Pose2.from_vector(a_T_b)
-    seen_a, seen_b = _cross_seen(a, b, a_T_b[None, :], scans, settings)
-    seen = {
-        station: Seen(values.hits[0], values.best[0], values.through[0])
-        for station, values in (seen_a | seen_b).items()
-    }
+    seen = {station: _repeated(alone, 1) for station, alone in (a.seen | b.seen).items()}
+    for pair in crossing(a, b, a_T_b[None, :], scans):
+        _add(seen[pair.j], pair.near, _said_of_j(pair, scans, settings))
+        _add(seen[pair.i], pair.near, _said_of_i(pair, scans, settings))
     moved = {station: pose @ place for station, place in b.poses.items()}
     groups = tuple(frozenset(part.poses) for part in (a, b) if len(part.poses) > 1)
-    return Block({**a.poses, **moved}, seen, (*a.parts, *b.parts, *groups))
+    return Block(
+        {**a.poses, **moved},
+        {s: Seen(v.hits[0], v.best[0], v.through[0]) for s, v in seen.items()},
+        (*a.parts, *b.parts, *groups),
+    )

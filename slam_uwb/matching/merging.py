@@ -143,7 +143,7 @@ def aligned_gains(
     settings: MatchingSettings,
 ) -> tuple[FloatArray, FloatArray]:
     """Candidates a_T_b (J, 3) that the walls do not rule out, settled on each other, and their gains (J,)."""
-    gains = merge_gains(a, b, candidates, scans, settings)
+    gains = merge_gains(a, b, candidates, scans, settings, least=-_HOPELESS_M)
     candidates = align_blocks(a, b, candidates[gains > -_HOPELESS_M], scans)
     return candidates, merge_gains(a, b, candidates, scans, settings)
 
