@@ -7,10 +7,8 @@ wherever its hypotheses allow.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 
@@ -18,10 +16,9 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import STRIDE, Block, Seen, total_evidence
-from .index import ScanIndex, within_sight
+from .evidence import Block, Seen, crossing, said_of_second, total_evidence
+from .index import ScanIndex
 from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
-from .score import point_evidence
 
 _ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known
 _NEARLY_AS_GOOD = 0.6  # share of its own evidence that a station's next best place may have
@@ -120,6 +117,8 @@ def _rivals(
         own = whole - total_evidence(rest, scans, settings) - total_evidence(part, scans, settings)
         places, gains = np.vstack([pose.vector, others]), np.array([own, *gains])
         allowed = gains >= settings.min_margin_m
+        if not allowed[1:].any():
+            continue
         allowed[0] = True
         places, gains = places[allowed], gains[allowed]
         # Ranges speak against a place, not for it: coarse as they are, they favour many.
@@ -138,11 +137,10 @@ def _seen_by_each(
 ) -> dict[StationId, dict[StationId, Seen]]:
     """What each station of the block (inner key) says of the points of each other (outer key)."""
     seen: dict[StationId, dict[StationId, Seen]] = {station: {} for station in block.poses}
-    for j, i in permutations(block.poses, 2):
-        i_T_j = block.poses[i].inverse() @ block.poses[j]
-        if within_sight(scans[i], scans[j], math.hypot(i_T_j.x, i_T_j.y)):
-            said = point_evidence(scans[i], scans[j], i_T_j.vector[None, :], settings, STRIDE)
-            seen[j][i] = Seen(said.hit[0], said.hit[0], said.seen_through[0])
+    for pair in crossing(block, block, np.zeros((1, 3)), scans):
+        if pair.i != pair.j:
+            said = said_of_second(pair, scans, settings)
+            seen[pair.j][pair.i] = Seen(said.hit[0], said.hit[0], said.seen_through[0])
     return seen
 
 

@@ -11,23 +11,19 @@ _SAME_M, _SAME_RAD = 0.15, 0.07  # poses closer than this are one
 
 
 def compose(poses: FloatArray, steps: FloatArray) -> FloatArray:
-    """(K, 3) ``pose @ step`` for each row."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    return np.column_stack([
-        poses[:, 0] + c * steps[:, 0] - s * steps[:, 1],
-        poses[:, 1] + s * steps[:, 0] + c * steps[:, 1],
-        poses[:, 2] + steps[:, 2],
-    ])  # fmt: skip
+    """(..., 3) ``pose @ step`` for each row."""
+    c, s = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    x = poses[..., 0] + c * steps[..., 0] - s * steps[..., 1]
+    y = poses[..., 1] + s * steps[..., 0] + c * steps[..., 1]
+    return np.stack([x, y, poses[..., 2] + steps[..., 2]], axis=-1)
 
 
 def invert(poses: FloatArray) -> FloatArray:
-    """(K, 3) inverse of each row."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    return np.column_stack([
-        -c * poses[:, 0] - s * poses[:, 1],
-        s * poses[:, 0] - c * poses[:, 1],
-        -poses[:, 2],
-    ])  # fmt: skip
+    """(..., 3) inverse of each row."""
+    c, s = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    x = -c * poses[..., 0] - s * poses[..., 1]
+    y = s * poses[..., 0] - c * poses[..., 1]
+    return np.stack([x, y, -poses[..., 2]], axis=-1)
 
 
 def adjoints(poses: FloatArray) -> FloatArray:

@@ -13,8 +13,9 @@ from ..model.geometry import FloatArray, Pose2
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose, invert
-from .index import ScanIndex, within_sight
+from .index import ScanIndex
 from .score import PointEvidence, point_evidence
+from .sight import Sights, may_meet
 
 STRIDE = 2
 """Every second point is enough to weigh walls."""
@@ -81,36 +82,48 @@ class Crossing:
     b_T_j: Pose2
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Witnesses:
+    """The I stations of a block in arrays."""
+
+    stations: tuple[StationId, ...]
+    station_T_block: FloatArray
+    """(I, 3)"""
+    sights: Sights
+
+
+def _witnesses(block: Block, scans: Mapping[StationId, ScanIndex]) -> _Witnesses:
+    return _Witnesses(
+        tuple(block.poses),
+        invert(np.array([pose.vector for pose in block.poses.values()])),
+        Sights.of([scans[station].sight for station in block.poses]),
+    )
+
+
 def crossing(
-    a: Block,
-    b: Block,
-    candidates: FloatArray,
-    scans: Mapping[StationId, ScanIndex],
+    a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> Iterator[Crossing]:
     """Every pair of stations across two blocks, at candidates a_T_b (K, 3); one station of `b` after the other."""
-    every = np.arange(len(candidates))
-    for j in b.poses:
-        yield from _crossing_one(a, b, j, candidates, every, scans)
+    every, witnesses = np.arange(len(candidates)), _witnesses(a, scans)
+    for j, b_T_j in b.poses.items():
+        yield from _crossing_one(witnesses, j, b_T_j, candidates, every, scans)
 
 
 def _crossing_one(
-    a: Block,
-    b: Block,
+    of_a: _Witnesses,
     j: StationId,
+    b_T_j: Pose2,
     candidates: FloatArray,
     numbers: NDArray[np.intp],
     scans: Mapping[StationId, ScanIndex],
 ) -> Iterator[Crossing]:
-    """Station `j` of `b` with every station of `a`, at those of the candidates that have these numbers."""
-    b_T_j = b.poses[j]
-    a_T_j = compose(candidates[numbers], b_T_j.vector[None, :])
-    places = np.array([pose.translation for pose in a.poses.values()])
-    apart = np.hypot(*(places[:, None, :] - a_T_j[:, :2]).transpose(2, 0, 1))
-    for (i, a_T_i), metres in zip(a.poses.items(), apart, strict=True):
-        near = np.flatnonzero(within_sight(scans[i], scans[j], metres))
-        if len(near):
-            i_T_j = compose(a_T_i.inverse().vector[None, :], a_T_j[near])
-            yield Crossing(i, j, numbers[near], i_T_j, b_T_j)
+    """A station of `b` with every station of `a`, at those of the candidates that have these numbers."""
+    a_T_j = compose(candidates[numbers], b_T_j.vector)
+    i_T_j = compose(of_a.station_T_block[:, None], a_T_j)
+    met = may_meet(of_a.sights, scans[j].sight, i_T_j)
+    for index in np.flatnonzero(met.any(axis=1)):
+        near = met[index]
+        yield Crossing(of_a.stations[index], j, numbers[near], i_T_j[index, near], b_T_j)
 
 
 def total_evidence(
@@ -138,13 +151,13 @@ def merge_gains(
     after the other, comes to less than `least`.
     """
     gains = np.zeros(len(candidates))
-    crossed: list[Crossing] = []
+    witnesses, crossed = _witnesses(a, scans), list[Crossing]()
     for j, alone in b.seen.items():
         live = np.flatnonzero(gains >= least)
-        pairs = list(_crossing_one(a, b, j, candidates, live, scans))
+        pairs = list(_crossing_one(witnesses, j, b.poses[j], candidates, live, scans))
         seen = _repeated(alone, len(candidates))
         for pair in pairs:
-            _add(seen, pair.near, _said_of_j(pair, scans, settings))
+            _add(seen, pair.near, said_of_second(pair, scans, settings))
         gains += _gain(seen, alone, scans[j], settings)
         crossed += pairs
     gains[gains < least] = -math.inf
@@ -152,7 +165,7 @@ def merge_gains(
     for pair in _only(crossed, gains >= least):
         if pair.i not in of_a:
             of_a[pair.i] = _repeated(a.seen[pair.i], len(candidates))
-        _add(of_a[pair.i], pair.near, _said_of_i(pair, scans, settings))
+        _add(of_a[pair.i], pair.near, _said_of_first(pair, scans, settings))
     for i, seen in of_a.items():
         gains += _gain(seen, a.seen[i], scans[i], settings)
     return gains
@@ -172,14 +185,14 @@ def _gain(together: Seen, alone: Seen, scan: ScanIndex, settings: MatchingSettin
     return evidence_of(together, lengths, settings) - evidence_of(alone, lengths, settings)
 
 
-def _said_of_j(
+def said_of_second(
     pair: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
 ) -> PointEvidence:
     """What the first block's station says of the points of the second's."""
     return point_evidence(scans[pair.i], scans[pair.j], pair.i_T_j, settings, STRIDE)
 
 
-def _said_of_i(
+def _said_of_first(
     pair: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
 ) -> PointEvidence:
     """The reverse."""
@@ -206,10 +219,10 @@ def merge_blocks(
 ) -> Block:
     """One block in the frame of `a`."""
     pose = Pose2.from_vector(a_T_b)
-    seen = {station: _repeated(alone, 1) for station, alone in (a.seen | b.seen).items()}
+    seen = {station: _repeated(alone, 1) for station, alone in {**a.seen, **b.seen}.items()}
     for pair in crossing(a, b, a_T_b[None, :], scans):
-        _add(seen[pair.j], pair.near, _said_of_j(pair, scans, settings))
-        _add(seen[pair.i], pair.near, _said_of_i(pair, scans, settings))
+        _add(seen[pair.j], pair.near, said_of_second(pair, scans, settings))
+        _add(seen[pair.i], pair.near, _said_of_first(pair, scans, settings))
     moved = {station: pose @ place for station, place in b.poses.items()}
     groups = tuple(frozenset(part.poses) for part in (a, b) if len(part.poses) > 1)
     return Block(

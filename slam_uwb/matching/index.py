@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from ..model.geometry import FloatArray, Points, rotation_matrix
 from ..model.products import PreparedScan
 from ..model.settings import MatchingSettings
 from .directions import aligning_turn, certain_normals
+from .sight import Sight, coarse_sight
 from .spectra import Spectra, grid_spectra
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ _TABLE_REACH_M = 30.0  # walls further away are not matched; bounds the table
 # Oblique to the walls: along a wall that runs between two rows of cells each row would keep the
 # points on its own side, and partners follow the noise of the point that looks for them.
 _TABLE_TURN = 0.5
-_NEAR_M = 0.5  # partners lie closer than this
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +36,6 @@ class ScanIndex:
     """
 
     scan: PreparedScan
-    reach: float
-    """m to the furthest point."""
     reliable: NDArray[np.bool_]
     """(N,) points whose normal can be trusted."""
     turn: float
@@ -53,6 +51,7 @@ class ScanIndex:
     table_origin: tuple[float, float]
     tree: cKDTree
     spectra: Spectra
+    sight: Sight
 
     def nearest_in_table(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """Index (...,) of the point nearest to (x, y) (...,) in table axes; cells of 0.1 m, so nearly."""
@@ -83,14 +82,6 @@ def _cells(coordinate: FloatArray, origin: float, count: int) -> NDArray[np.int3
     return cells.astype(np.int32)
 
 
-Distance = TypeVar("Distance", float, FloatArray)
-
-
-def within_sight(one: ScanIndex, other: ScanIndex, metres: Distance) -> bool | NDArray[np.bool_]:
-    """Whether two stations `metres` apart can see a wall in common."""
-    return metres <= one.reach + other.reach + _NEAR_M
-
-
 def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     """Build the look-up structures of one scan; it must have at least one point."""
     from scipy.spatial import cKDTree
@@ -102,7 +93,6 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
     table, origin = _nearest_table(table_columns[:2].T)
     return ScanIndex(
         scan=scan,
-        reach=float(np.hypot(*scan.points.T).max()),
         reliable=certain_normals(scan),
         turn=turn,
         table_turn=turn + _TABLE_TURN,
@@ -112,6 +102,7 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
         table_origin=origin,
         tree=cKDTree(table_columns[:2].T),
         spectra=grid_spectra(scan, turn, settings),
+        sight=coarse_sight(scan),
     )
 
 

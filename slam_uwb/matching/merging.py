@@ -114,7 +114,7 @@ def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
     # Compare where the blocks' stations come to lie, not the origins: a turn moves distant
     # stations.
     centre = np.mean([pose.translation for pose in b.poses.values()], axis=0)
-    places = compose(poses, np.tile([*centre, 0.0], (len(poses), 1)))
+    places = compose(poses, np.array([*centre, 0.0]))
     same = near(places, _SAME_M, _SAME_RAD)
     support = same @ np.maximum(score, _LEAST_SUPPORT_M)
     order = np.lexsort((-score, -np.round(support, 9)))

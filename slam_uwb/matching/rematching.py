@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -15,9 +14,10 @@ from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .agreement import placed, same_place
 from .hypotheses import describe_match
-from .index import ScanIndex, within_sight
+from .index import ScanIndex
 from .refiners.point_to_line import polish
 from .score import score_matches
+from .sight import Sights, may_meet
 from .slack import with_slack
 
 _NEARLY = 0.8  # refining may add so much to the overlap
@@ -76,7 +76,7 @@ def _glance(
     target: ScanIndex, source: ScanIndex, start: Pose2, settings: MatchingSettings
 ) -> _Glance | None:
     """The pair at its place, or None where it has too little wall in common."""
-    if not within_sight(target, source, math.hypot(start.x, start.y)):
+    if not may_meet(Sights.of([target.sight]), source.sight, start.vector[None, None, :]).any():
         return None
     scores = score_matches(target, source, start.vector[None, :], settings, _GLANCE)
     confirmed = float(scores.confirmed[0])

@@ -1,0 +1,103 @@
+"""Which scans may say anything of each other's walls where a pose brings them: a coarse test before the exact one.
+
+Two stations that are near enough to see a wall in common mostly do not: walls stand between them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.geometry import FloatArray
+from ..model.products import PreparedScan
+
+_CELL_M = 1.0
+_SIDE = 64  # cells; what lies outside counts as the nearest of them
+_PLACE_M = 0.5
+_SAID_M = 0.5  # of points further from all walls of a scan only its free space tells anything
+_DIAGONAL = math.sqrt(0.5)  # of half a cell
+# From a point to the middle of its place, to that of its cell, and from there to that of the cell of
+# what is known.
+_ROUNDING_M = _DIAGONAL * (_PLACE_M + 2.0 * _CELL_M)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """Where one scan has walls, and what it may say something of; coarsely, in the scanner's frame."""
+
+    places: FloatArray
+    """(P, 2) m, middles of the half-metre cells that hold its points."""
+    known: NDArray[np.bool_]
+    """(C,) cells of 1 m in some of which it may confirm or deny a wall."""
+
+
+def coarse_sight(scan: PreparedScan) -> Sight:
+    """Where a scan has walls, and where it may say something of those of others."""
+    from scipy.ndimage import distance_transform_edt
+
+    seen = np.zeros(_SIDE * _SIDE, dtype=bool)
+    seen[_cells(scan.points)] = True
+    seen[_cells(_free_places(scan.free_ranges))] = True
+    away = distance_transform_edt(~seen.reshape(_SIDE, _SIDE), sampling=_CELL_M)
+    places = np.unique(np.floor(scan.points / _PLACE_M), axis=0)
+    return Sight((places + 0.5) * _PLACE_M, (away <= _SAID_M + _ROUNDING_M).ravel())
+
+
+def _free_places(free_ranges: FloatArray) -> FloatArray:
+    """(F, 2) m, places no further than half a cell from each other that the scanner looked through."""
+    sector = 2.0 * math.pi / len(free_ranges)
+    bearings = (np.arange(len(free_ranges)) + 0.5) * sector - math.pi
+    ranges = np.arange(0.0, free_ranges.max(initial=0.0), 0.5 * _CELL_M)
+    sectors, steps = np.nonzero(ranges < free_ranges[:, None])
+    along = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    return np.asarray(along[sectors] * ranges[steps, None])
+
+
+def _cells(points: FloatArray) -> NDArray[np.intp]:
+    """(...,) number of the cell of each point (..., 2)."""
+    column_row = np.clip(np.floor(points / _CELL_M) + _SIDE // 2, 0, _SIDE - 1).astype(np.intp)
+    return np.asarray(column_row[..., 0] + _SIDE * column_row[..., 1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sights:
+    """Those of I scans in arrays."""
+
+    places: FloatArray
+    """(I, P, 2); where a scan has fewer, some of them again."""
+    known: NDArray[np.bool_]
+    """(I, C)"""
+
+    @classmethod
+    def of(cls, sights: Sequence[Sight]) -> Sights:
+        """All of them; there must be one."""
+        most = max(len(sight.places) for sight in sights)
+        return cls(
+            np.stack([np.resize(sight.places, (most, 2)) for sight in sights]),
+            np.stack([sight.known for sight in sights]),
+        )
+
+
+def may_meet(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np.bool_]:
+    """(I, K) whether each scan and the other may speak of each other's walls at poses one_T_other (I, K, 3).
+
+    Where it is False, neither has a partner for any of the other's points within half a metre, nor looked
+    through any.
+    """
+    c, s = np.cos(ones_T_other[..., 2]), np.sin(ones_T_other[..., 2])
+    rotation = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    shift = ones_T_other[..., None, :2]
+    met = _any_known(ones.known, other.places @ np.swapaxes(rotation, -1, -2) + shift)
+    # The inverse: turned back after the shift.
+    back = _any_known(other.known[None, :], (ones.places[:, None] - shift) @ rotation)
+    return np.asarray(met | back)
+
+
+def _any_known(known: NDArray[np.bool_], places: FloatArray) -> NDArray[np.bool_]:
+    """(I, K) whether any of the places (I, K, P, 2) is in a known cell (I or 1, C)."""
+    cells = _cells(places) + np.arange(len(known))[:, None, None] * known.shape[1]
+    return np.asarray(known.ravel().take(cells).any(axis=-1))
