@@ -135,10 +135,8 @@ def _until_still(
 
     Matching again and moving the stations by turns; what then no longer connects is left out.
     """
-    used = rematch(placement)
-    for last in (False, True):
-        placement = adjust(placement, used)
-        used = rematch(placement, until_still=last)
+    placement = adjust(placement, rematch(placement))
+    used = rematch(placement, until_still=True)
     placement = largest_group(placement, used)
     used = within(placement, used)
     for _ in range(_SETTLING):
