@@ -16,7 +16,9 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import Block, Seen, crossing, said_of_second, total_evidence
+from .crossing import crossing
+from .evidence import Block, Seen, total_evidence
+from .gain import said_of_second
 from .index import ScanIndex
 from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
 

@@ -13,7 +13,9 @@ from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose, first_of_each, near, wrapped
-from .evidence import STRIDE, Block, crossing, merge_gains
+from .crossing import crossing
+from .evidence import STRIDE, Block
+from .gain import merge_gains
 from .index import ScanIndex
 from .refiners.point_to_line import correspondences, damped_step, limited, normal_equations
 

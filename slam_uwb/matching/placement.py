@@ -19,7 +19,8 @@ from ..model.geometry import Pose2
 from ..model.products import Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import Block, merge_blocks, single_block, total_evidence
+from .evidence import Block, single_block, total_evidence
+from .gain import merge_blocks
 from .index import ScanIndex
 from .merging import Merge, RangeGain, best_merge, no_ranges, touching_stations
 

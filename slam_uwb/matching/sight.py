@@ -33,6 +33,8 @@ class Sight:
     """(P, 2) m, middles of the half-metre cells that hold its points."""
     known: NDArray[np.bool_]
     """(C,) cells of 1 m in some of which it may confirm or deny a wall."""
+    reach: float
+    """m to the furthest point."""
 
 
 def coarse_sight(scan: PreparedScan) -> Sight:
@@ -44,7 +46,11 @@ def coarse_sight(scan: PreparedScan) -> Sight:
     seen[_cells(_free_places(scan.free_ranges))] = True
     away = distance_transform_edt(~seen.reshape(_SIDE, _SIDE), sampling=_CELL_M)
     places = np.unique(np.floor(scan.points / _PLACE_M), axis=0)
-    return Sight((places + 0.5) * _PLACE_M, (away <= _SAID_M + _ROUNDING_M).ravel())
+    return Sight(
+        places=(places + 0.5) * _PLACE_M,
+        known=(away <= _SAID_M + _ROUNDING_M).ravel(),
+        reach=float(np.hypot(*scan.points.T).max()),
+    )
 
 
 def _free_places(free_ranges: FloatArray) -> FloatArray:
@@ -71,6 +77,8 @@ class Sights:
     """(I, P, 2); where a scan has fewer, some of them again."""
     known: NDArray[np.bool_]
     """(I, C)"""
+    reach: FloatArray
+    """(I,) m"""
 
     @classmethod
     def of(cls, sights: Sequence[Sight]) -> Sights:
@@ -79,7 +87,12 @@ class Sights:
         return cls(
             np.stack([np.resize(sight.places, (most, 2)) for sight in sights]),
             np.stack([sight.known for sight in sights]),
+            np.array([sight.reach for sight in sights]),
         )
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> Sights:
+        """Some of the scans."""
+        return Sights(self.places[rows], self.known[rows], self.reach[rows])
 
 
 def may_meet(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np.bool_]:
@@ -88,6 +101,15 @@ def may_meet(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np
     Where it is False, neither has a partner for any of the other's points within half a metre, nor looked
     through any.
     """
+    apart = np.hypot(ones_T_other[..., 0], ones_T_other[..., 1])
+    met = apart <= ones.reach[:, None] + other.reach + _SAID_M
+    near = np.flatnonzero(met.any(axis=1))
+    met[near] &= _know_places(ones[near], other, ones_T_other[near])
+    return np.asarray(met)
+
+
+def _know_places(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np.bool_]:
+    """(I, K) whether one of the two knows a place where the other has walls."""
     c, s = np.cos(ones_T_other[..., 2]), np.sin(ones_T_other[..., 2])
     rotation = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
     shift = ones_T_other[..., None, :2]

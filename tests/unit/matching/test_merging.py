@@ -4,7 +4,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from slam_uwb.matching.evidence import merge_blocks, single_block
+from slam_uwb.matching.evidence import single_block
+from slam_uwb.matching.gain import merge_blocks
 from slam_uwb.matching.hypotheses import describe_match, match_pair
 from slam_uwb.matching.merging import (
     aligned_gains,

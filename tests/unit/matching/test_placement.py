@@ -5,7 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from slam_uwb.matching.evidence import merge_blocks, single_block
+from slam_uwb.matching.evidence import single_block
+from slam_uwb.matching.gain import merge_blocks
 from slam_uwb.matching.hypotheses import describe_match
 from slam_uwb.matching.merging import best_merge, no_ranges, touching_stations
 from slam_uwb.matching.placement import _second_look, place_stations

@@ -3,13 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from slam_uwb.matching.evidence import (
-    crossing,
-    merge_blocks,
-    merge_gains,
-    single_block,
-    total_evidence,
-)
+from slam_uwb.matching.crossing import crossing
+from slam_uwb.matching.evidence import single_block, total_evidence
+from slam_uwb.matching.gain import merge_blocks, merge_gains
 
 
 @pytest.fixture
