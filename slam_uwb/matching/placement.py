@@ -8,12 +8,10 @@ apart.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from itertools import combinations
-from typing import Protocol
 
 from ..model.geometry import Pose2
 from ..model.products import Progress, ScanMatch, silent
@@ -21,47 +19,15 @@ from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .evidence import Block, single_block, total_evidence
 from .gain import merge_blocks
+from .growth import BestMerge, BlockPair, Growth, all_apart
 from .index import ScanIndex
-from .merging import Merge, RangeGain, best_merge, no_ranges, touching_stations
+from .merging import RangeGain, best_merge, no_ranges, touching_stations
 
 _PART_STATIONS = 3  # blocks of fewer stations have not drifted
 _DRIFT_M = 10.0  # evidence that drift may cost; at wrong places it is ten times as much
 
-_Pair = tuple[int, int]
-
 Settle = Callable[[Mapping[StationId, Pose2]], dict[StationId, Pose2]]
 """Moves stations of one frame to where all their pairs agree best: matches, and a pose graph."""
-
-
-class BestMerge(Protocol):
-    """`best_merge` for the scans and hypotheses at hand."""
-
-    def __call__(self, a: Block, b: Block, *, apart: float = 0.0) -> Merge | None:
-        """The best way to merge two blocks."""
-
-
-@dataclass(slots=True, eq=False)
-class _Growth:
-    """Blocks and what is known of how to merge them."""
-
-    blocks: dict[int, Block]
-    merges: dict[_Pair, Merge]
-    """Pairs of blocks that can be merged."""
-    unseen: dict[_Pair, float]
-    """Pairs not looked at since one of them grew, with the priority that its parts had."""
-
-    def replace(self, old: _Pair, new: Block) -> None:
-        """Put a block in place of two; how it merges with others is looked at when that comes first."""
-        number = max(self.blocks) + 1
-        for part in old:
-            del self.blocks[part]
-        known = self.unseen | {pair: merge.priority for pair, merge in self.merges.items()}
-        self.merges = {pair: merge for pair, merge in self.merges.items() if not {*old} & {*pair}}
-        self.unseen = {pair: value for pair, value in self.unseen.items() if not {*old} & {*pair}}
-        for other in self.blocks:
-            parts = [(min(other, part), max(other, part)) for part in old]
-            self.unseen[other, number] = max(known.get(pair, 0.0) for pair in parts)
-        self.blocks[number] = new
 
 
 def place_stations(
@@ -96,7 +62,7 @@ def place_stations(
     best = partial(
         best_merge, scans=scans, touching=touching, settings=settings, range_gain=range_gain
     )
-    growth = _all_apart(scans)
+    growth = all_apart(scans, hypotheses)
     for match in firm:
         _merge_firmly(growth, match, scans, settings)
     while merged := (
@@ -106,12 +72,6 @@ def place_stations(
         growth.replace(*merged)
         progress("placing stations", len(scans) - len(growth.blocks), len(scans) - 1)
     return _largest_first(growth.blocks.values(), scans)
-
-
-def _all_apart(scans: Mapping[StationId, ScanIndex]) -> _Growth:
-    """Every station a block, and no two of them looked at."""
-    singles = {index: single_block(station, scans[station]) for index, station in enumerate(scans)}
-    return _Growth(singles, {}, dict.fromkeys(combinations(singles, 2), math.inf))
 
 
 def _largest_first(blocks: Iterable[Block], stations: Iterable[StationId]) -> tuple[Block, ...]:
@@ -125,7 +85,7 @@ def _largest_first(blocks: Iterable[Block], stations: Iterable[StationId]) -> tu
 
 
 def _merge_firmly(
-    growth: _Growth,
+    growth: Growth,
     match: ScanMatch,
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
@@ -141,33 +101,18 @@ def _merge_firmly(
 
 
 def _next_merge(
-    growth: _Growth,
+    growth: Growth,
     best: BestMerge,
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
-) -> tuple[_Pair, Block] | None:
+) -> tuple[BlockPair, Block] | None:
     """The two blocks whose merge has the highest priority, merged; None where no two can be."""
-    pair = _first_pair(growth, best)
-    if pair is None:
+    found = growth.next_merge(best)
+    if found is None:
         return None
+    pair, merge = found
     a, b = (growth.blocks[part] for part in pair)
-    return pair, merge_blocks(a, b, growth.merges[pair].a_T_b, scans, settings)
-
-
-def _first_pair(growth: _Growth, best: BestMerge) -> _Pair | None:
-    """The pair of blocks to be merged first; looks at pairs again until none unseen may come before it."""
-    while True:
-        ready = max(
-            growth.merges.items(), key=lambda item: (item[1].priority, item[1].margin), default=None
-        )
-        unseen = max(growth.unseen.items(), key=lambda item: item[1], default=None)
-        if unseen is None or (ready is not None and ready[1].priority > unseen[1]):
-            return ready[0] if ready is not None else None
-        pair = unseen[0]
-        del growth.unseen[pair]
-        merge = best(growth.blocks[pair[0]], growth.blocks[pair[1]])
-        if merge is not None:
-            growth.merges[pair] = merge
+    return pair, merge_blocks(a, b, merge.a_T_b, scans, settings)
 
 
 def _second_look(
@@ -176,7 +121,7 @@ def _second_look(
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
     settle: Settle,
-) -> tuple[_Pair, Block] | None:
+) -> tuple[BlockPair, Block] | None:
     """Two parts of the map that hold together once all their stations may move, and the merged block.
 
     Small errors add up within a block as it grows, and two large ones then deny each other's walls
