@@ -23,6 +23,7 @@ from .index import ScanIndex
 from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
 
 _ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known
+_RIVALS = 10  # places looked at, those with most support
 _NEARLY_AS_GOOD = 0.6  # share of its own evidence that a station's next best place may have
 _FITS_M = 4.5  # metres of wall, none denied: a place where a station could as well stand
 _ALIASED = 0.75  # share of the stations that fit elsewhere from which on no place can be trusted
@@ -113,7 +114,7 @@ def _rivals(
         pose = next(iter(part.poses.values()))
         inverse = pose.inverse()
         part = replace(part, poses={s: inverse @ place for s, place in part.poses.items()})
-        others = merge_candidates(rest, part, touching)
+        others = merge_candidates(rest, part, touching, most=_RIVALS)
         others = others[distant(others, pose.vector, _ELSEWHERE_M / 2, _ELSEWHERE_RAD / 2)]
         others, gains = aligned_gains(rest, part, others, scans, settings)
         own = whole - total_evidence(rest, scans, settings) - total_evidence(part, scans, settings)

@@ -62,6 +62,12 @@ class Growth:
         for part in old:
             del self.blocks[part], self.beside[part]
 
+    def move(self, number: int, block: Block) -> None:
+        """Put a block's stations elsewhere; how it merges with others is looked at again."""
+        self.blocks[number] = block
+        for other in sorted(self.beside[number]):
+            self.add_unseen((min(other, number), max(other, number)), math.inf)
+
     def next_merge(self, best: BestMerge) -> tuple[BlockPair, Merge] | None:
         """The pair to be merged first; looks at pairs until none unseen may come before it."""
         while True:
@@ -69,7 +75,7 @@ class Growth:
             if not self.unseen or (self.ready and self.ready[0][0] < self.unseen[0][0]):
                 return self.ready[0][3:] if self.ready else None
             pair = heapq.heappop(self.unseen)[-1]
-            del self.priority[pair]
+            self.priority.pop(pair, None)
             merge = best(self.blocks[pair[0]], self.blocks[pair[1]])
             if merge is not None:
                 self.priority[pair] = merge.priority

@@ -21,7 +21,6 @@ from .refiners.point_to_line import correspondences, damped_step, limited, norma
 
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this
-_CANDIDATES = 10
 _LEAST_SUPPORT_M = 0.1  # of wall, that a hypothesis of next to no evidence still brings
 _ENOUGH_M = 8.0  # of wall, beyond which a fit tells of equal rooms as much as of the same room
 _HOPELESS_M = 40.0  # of wall looked through: centimetres of settling cannot mend it
@@ -63,12 +62,14 @@ def best_merge(
     range_gain: RangeGain,
     *,
     apart: float = 0.0,
+    most: int | None = None,
 ) -> Merge | None:
     """The best relative pose of two blocks; None where no hypothesis joins them by a margin.
 
-    To leave the blocks apart is a rival too, with the gain `apart`, m.
+    To leave the blocks apart is a rival too, with the gain `apart`, m. At `most` so many places are looked
+    at, those with most support; all of them where None.
     """
-    candidates = merge_candidates(a, b, touching)
+    candidates = merge_candidates(a, b, touching, most=most)
     if not len(candidates):
         return None
     candidates, gains = aligned_gains(a, b, candidates, scans, settings)
@@ -106,7 +107,9 @@ def touching_stations(hypotheses: Sequence[ScanMatch]) -> Touching:
     return touching
 
 
-def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
+def merge_candidates(
+    a: Block, b: Block, touching: Touching, *, most: int | None = None
+) -> FloatArray:
     """(K, 3) distinct a_T_b by the hypotheses between their stations, those with most support first."""
     joining = tuple(_joining(a, b, touching))
     if not joining:
@@ -120,7 +123,7 @@ def merge_candidates(a: Block, b: Block, touching: Touching) -> FloatArray:
     same = near(places, _SAME_M, _SAME_RAD)
     support = same @ np.maximum(score, _LEAST_SUPPORT_M)
     order = np.lexsort((-score, -np.round(support, 9)))
-    return poses[first_of_each(order, same, _CANDIDATES)]
+    return poses[first_of_each(order, same, len(order) if most is None else most)]
 
 
 def _joining(a: Block, b: Block, touching: Touching) -> Iterator[tuple[Pose2, float]]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import combinations
 
 from ..model.geometry import Pose2
@@ -23,6 +23,9 @@ from .growth import BestMerge, BlockPair, Growth, all_apart
 from .index import ScanIndex
 from .merging import RangeGain, best_merge, no_ranges, touching_stations
 
+# Hundreds of wrong hypotheses join two large blocks, and some places have more of them than the right
+# one. Few are enough while blocks grow; all are looked at in the end.
+_PLACES = 40
 _PART_STATIONS = 3  # blocks of fewer stations have not drifted
 _DRIFT_M = 10.0  # evidence that drift may cost; at wrong places it is ten times as much
 
@@ -42,8 +45,9 @@ def place_stations(
 ) -> tuple[Block, ...]:
     """Merge stations into blocks that hold together, the largest first.
 
-    The merge with the highest priority comes first. Where none is left, parts of the map that have
-    drifted are given a second look: merged, settled, and kept if the evidence then holds.
+    The merge with the highest priority comes first. Where none is left, the parts of the map are settled
+    and asked again; at last parts that still deny each other are merged, settled, and kept if the evidence
+    then holds.
 
     Args:
         scans: Every station that has one, in the survey's order.
@@ -59,16 +63,23 @@ def place_stations(
         block alone.
     """
     touching = touching_stations(hypotheses)
-    best = partial(
+    thorough = partial(
         best_merge, scans=scans, touching=touching, settings=settings, range_gain=range_gain
     )
+    best = partial(thorough, most=_PLACES)
     growth = all_apart(scans, hypotheses)
     for match in firm:
         _merge_firmly(growth, match, scans, settings)
-    while merged := (
-        _next_merge(growth, best, scans, settings)
-        or _second_look(growth.blocks, best, scans, settings, settle)
-    ):
+    settled = partial(_settled, scans=scans, settings=settings, settle=settle)
+    done: set[int] = set()
+    while True:
+        merged = _next_merge(growth, best, scans, settings)
+        if merged is None and _settle_parts(growth, done, settled):
+            best = thorough
+            continue
+        merged = merged or _second_look(growth.blocks, best, scans, settings, settled)
+        if merged is None:
+            break
         growth.replace(*merged)
         progress("placing stations", len(scans) - len(growth.blocks), len(scans) - 1)
     return _largest_first(growth.blocks.values(), scans)
@@ -115,27 +126,39 @@ def _next_merge(
     return pair, merge_blocks(a, b, merge.a_T_b, scans, settings)
 
 
+def _settle_parts(growth: Growth, done: set[int], settled: Callable[[Block], Block]) -> bool:
+    """Settle the blocks that have grown since they last were and might merge with others; whether there were any.
+
+    Small errors add up within a block as it grows, and a merge that closes a loop then denies walls at the
+    right place too.
+    """
+    parts = [
+        number
+        for number, block in growth.blocks.items()
+        if number not in done and growth.beside[number] and len(block.poses) >= _PART_STATIONS
+    ]
+    for number in parts:
+        growth.move(number, settled(growth.blocks[number]))
+    done.update(parts)
+    return bool(parts)
+
+
 def _second_look(
     blocks: Mapping[int, Block],
     best: BestMerge,
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
-    settle: Settle,
+    settled: Callable[[Block], Block],
 ) -> tuple[BlockPair, Block] | None:
-    """Two parts of the map that hold together once all their stations may move, and the merged block.
-
-    Small errors add up within a block as it grows, and two large ones then deny each other's walls
-    a little at the right place too.
-    """
+    """Two parts of the map that hold together once all their stations may move, and the merged block."""
     parts = [number for number, block in blocks.items() if len(block.poses) >= _PART_STATIONS]
-    settled = cache(lambda part: _settled(blocks[part], scans, settings, settle))
     evidence = partial(total_evidence, scans=scans, settings=settings)
     for pair in combinations(parts, 2):
-        a, b = (settled(part) for part in pair)
+        a, b = (blocks[part] for part in pair)
         merge = best(a, b, apart=-_DRIFT_M - settings.min_margin_m)
         if merge is None:
             continue
-        merged = _settled(merge_blocks(a, b, merge.a_T_b, scans, settings), scans, settings, settle)
+        merged = settled(merge_blocks(a, b, merge.a_T_b, scans, settings))
         if evidence(merged) - evidence(a) - evidence(b) >= settings.min_margin_m:
             return pair, merged
     return None

@@ -7,9 +7,16 @@ import pytest
 
 from slam_uwb.matching.evidence import single_block
 from slam_uwb.matching.gain import merge_blocks
+from slam_uwb.matching.growth import Growth
 from slam_uwb.matching.hypotheses import describe_match
 from slam_uwb.matching.merging import best_merge, no_ranges, touching_stations
-from slam_uwb.matching.placement import _second_look, place_stations
+from slam_uwb.matching.placement import (
+    _next_merge,
+    _second_look,
+    _settle_parts,
+    _settled,
+    place_stations,
+)
 from slam_uwb.model.geometry import Pose2
 
 
@@ -185,12 +192,44 @@ def test_parts_that_drifted_merge_once_their_stations_may_move(
         first = next(iter(poses))
         return {station: truth[first].inverse() @ truth[station] for station in poses}
 
-    blocks = dict(enumerate(drifted_parts))
-    assert best(*drifted_parts) is None
-    assert _second_look(blocks, best, three_room_scans, settings, dict) is None
-    pair, merged = _second_look(blocks, best, three_room_scans, settings, settle)
+    growth = Growth(dict(enumerate(drifted_parts)), {0: {1}, 1: {0}}, {})
+    growth.add_unseen((0, 1), math.inf)
+    assert _next_merge(growth, best, three_room_scans, settings) is None
+    settled = partial(_settled, scans=three_room_scans, settings=settings, settle=settle)
+    done = set()
+    assert _settle_parts(growth, done, settled)
+    pair, merged = _next_merge(growth, best, three_room_scans, settings)
     assert pair == (0, 1)
     assert merged.poses.keys() == truth.keys()
+    assert_at_the_truth(merged.poses, truth)
+    # Nothing has grown since: there is nothing to settle again.
+    assert not _settle_parts(growth, done, settled)
+
+
+def test_parts_that_settling_alone_leaves_apart_get_a_second_look(
+    three_room_scans, three_room_hypotheses, three_room_poses, drifted_parts, settings
+):
+    """What each part does not know of its own drift, both together do."""
+    truth = three_room_poses
+    best = partial(
+        best_merge,
+        scans=three_room_scans,
+        touching=touching_stations(three_room_hypotheses),
+        settings=settings,
+        range_gain=no_ranges,
+    )
+
+    def settled(block):
+        if len(block.poses) < len(truth):
+            return block
+        first = next(iter(block.poses))
+        places = {s: truth[first].inverse() @ truth[s] for s in block.poses}
+        return _settled(block, three_room_scans, settings, lambda _: places)
+
+    blocks = dict(enumerate(drifted_parts))
+    assert _second_look(blocks, best, three_room_scans, settings, lambda block: block) is None
+    pair, merged = _second_look(blocks, best, three_room_scans, settings, settled)
+    assert pair == (0, 1)
     assert_at_the_truth(merged.poses, truth)
 
 
@@ -207,4 +246,4 @@ def test_what_settling_cannot_mend_stays_apart(
         range_gain=no_ranges,
     )
     blocks = dict(enumerate(drifted_parts))
-    assert _second_look(blocks, best, three_room_scans, settings, dict) is None
+    assert _second_look(blocks, best, three_room_scans, settings, lambda block: block) is None
