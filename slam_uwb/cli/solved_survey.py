@@ -31,4 +31,6 @@ def read_solved_survey(out: Path) -> Solution:
     try:
         return read_solution(out)
     except SurveyFormatError as error:
-        raise SlamUwbError("\n".join(f"{out}: {line}" for line in str(error).splitlines())) from None
+        raise SlamUwbError(
+            "\n".join(f"{out}: {line}" for line in str(error).splitlines())
+        ) from None
