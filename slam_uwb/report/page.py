@@ -131,7 +131,8 @@ def solver_facts(solution: Solution) -> Iterator[tuple[str, str]]:
     """What led to the numbers, name and value."""
     frame = solution.frame
     yield "mode", solution.mode
-    yield "frame", "the site's" if frame == "site" else f"that of station {frame}"
+    own = "the site's" if frame == "site" else f"that of station {frame}"
+    yield "frame", own if solution.alignment is None else f"as --align asks; before, {own}"
     if solution.alignment is not None:
         moved = solution.alignment
         degrees = math.degrees(moved.theta)

@@ -97,6 +97,20 @@ def overlapping(page):
     }""")
 
 
+@pytest.mark.parametrize("width", [1400, 390, 320])
+def test_no_name_leaves_the_frame(open_page, report, width):
+    page = open_page(report, width=width, height=900)
+    page.wait_for_timeout(100)
+    cut = page.evaluate("""() => {
+      const frame = document.querySelector("#plan").getBoundingClientRect();
+      return [...document.querySelectorAll("#plan .mark .name")].filter((name) => {
+        const box = name.getBoundingClientRect();
+        return box.width && (box.left < frame.left - 1 || box.right > frame.right + 1);
+      }).map((name) => name.textContent);
+    }""")
+    assert cut == []
+
+
 @pytest.mark.parametrize("width", [1400, 390])
 def test_names_and_areas_do_not_cover_each_other(open_page, report, solution, width):
     page = open_page(report, width=width, height=900)
@@ -266,6 +280,7 @@ def test_print_shows_all_rows_and_no_controls(open_page, report, solution):
     assert (
         page.locator("th button").first.evaluate("b => getComputedStyle(b).display") == "contents"
     )
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     page.set_viewport_size({"width": 720, "height": 1000})
     bar, plan = (page.locator(name).bounding_box() for name in ("#scale path", "#plan"))
     assert plan["x"] < bar["x"]

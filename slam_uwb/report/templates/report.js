@@ -11,7 +11,7 @@
     return Math.max(view[2] / Math.max(box.width, 1), view[3] / Math.max(box.height, 1));
   };
 
-  let arrangedAt = 0;
+  let [arrangedAt, paper] = [0, false];
   const show = () => {
     const u = unit();
     if (u !== arrangedAt) arrange(); // moving changes nothing
@@ -23,8 +23,10 @@
     const room = 150 * u;
     const power = 10 ** Math.floor(Math.log10(room));
     const length = [5, 2, 1].map((k) => k * power).find((k) => k <= room);
-    // In the corner of what is always seen: paper has other proportions than the window.
-    const [left, low] = [view[0] + 8 * u, view[1] + view[3] - 8 * u];
+    // In the corner of the frame; on paper, which has other proportions, in that of what is surely seen.
+    const box = paper ? { width: view[2] / u, height: view[3] / u } : plan.getBoundingClientRect();
+    const left = view[0] + view[2] / 2 - (box.width / 2 - 14) * u;
+    const low = view[1] + view[3] / 2 + (box.height / 2 - 14) * u;
     const scale = document.getElementById("scale");
     scale.setAttribute("transform", `translate(${left} ${low})`);
     scale.querySelector("path").setAttribute("d", `M0 0H${length}`);
@@ -62,6 +64,14 @@
       const { a, b } = turned(heading);
       taken.push(shifted([11 * a - 3, 11 * b - 3, 11 * a + 3, 11 * b + 3], at(mark)));
     });
+    const frame = plan.getBoundingClientRect();
+    const [x, y] = [view[0] + view[2] / 2, view[1] + view[3] / 2];
+    const edges = [x / u - frame.width / 2, y / u - frame.height / 2, x / u + frame.width / 2, y / u + frame.height / 2];
+    const buttons = document.querySelector(".buttons").getBoundingClientRect();
+    const [dx, dy] = [edges[0] - frame.left, edges[1] - frame.top];
+    taken.push([buttons.left + dx, buttons.top + dy, buttons.right + dx, buttons.bottom + dy]);
+    const beyond = (box) => Math.max(0, edges[0] - box[0]) + Math.max(0, edges[1] - box[1])
+      + Math.max(0, box[2] - edges[2]) + Math.max(0, box[3] - edges[3]);
     // All is measured before anything is changed: else the browser would measure anew for each.
     const names = marks.map((mark) => mark.querySelector(".name")).filter(Boolean)
       .map((name) => ({ name, mark: name.closest(".mark"), width: name.getComputedTextLength() }));
@@ -69,7 +79,10 @@
       .map((room) => ({ room, half: room.querySelector(".name").getComputedTextLength() / 2 }));
     names.forEach(({ name, mark, width }) => {
       const places = placesOf(mark.querySelector("circle") ? 6 : 9, width);
-      const costs = places.map((place, k) => covered(shifted(place.box, at(mark)), taken) + 2 * k);
+      const costs = places.map((place, k) => {
+        const box = shifted(place.box, at(mark));
+        return covered(box, taken) + 15 * beyond(box) + 2 * k;
+      });
       const best = places[costs.indexOf(Math.min(...costs))];
       name.setAttribute("x", best.x);
       name.setAttribute("y", best.y);
@@ -219,6 +232,8 @@
     body.append(...rows);
   }));
 
+  window.addEventListener("beforeprint", () => { paper = true; show(); });
+  window.addEventListener("afterprint", () => { paper = false; show(); });
   new ResizeObserver(show).observe(plan);
   show();
 })();
