@@ -5,13 +5,19 @@
   const home = plan.getAttribute("viewBox").split(" ").map(Number);
   let view = [...home];
 
+  // The map's frame in pixels. What is printed is laid out before the paper's is known: A4 within its margins.
+  let paper = false;
+  const frameOf = () => paper
+    ? { left: 0, top: 0, width: 700, height: Math.min(540, 700 * home[3] / home[2]) }
+    : plan.getBoundingClientRect();
+
   // Picture units a pixel: the drawing keeps its proportions, so the tighter side decides.
   const unit = () => {
-    const box = plan.getBoundingClientRect();
+    const box = frameOf();
     return Math.max(view[2] / Math.max(box.width, 1), view[3] / Math.max(box.height, 1));
   };
 
-  let [arrangedAt, paper] = [0, false];
+  let arrangedAt = 0;
   const show = () => {
     const u = unit();
     if (u !== arrangedAt) arrange(); // moving changes nothing
@@ -23,8 +29,7 @@
     const room = 150 * u;
     const power = 10 ** Math.floor(Math.log10(room));
     const length = [5, 2, 1].map((k) => k * power).find((k) => k <= room);
-    // In the corner of the frame; on paper, which has other proportions, in that of what is surely seen.
-    const box = paper ? { width: view[2] / u, height: view[3] / u } : plan.getBoundingClientRect();
+    const box = frameOf();
     const left = view[0] + view[2] / 2 - (box.width / 2 - 14) * u;
     const low = view[1] + view[3] / 2 + (box.height / 2 - 14) * u;
     const scale = document.getElementById("scale");
@@ -64,12 +69,12 @@
       const { a, b } = turned(heading);
       taken.push(shifted([11 * a - 3, 11 * b - 3, 11 * a + 3, 11 * b + 3], at(mark)));
     });
-    const frame = plan.getBoundingClientRect();
+    const frame = frameOf();
     const [x, y] = [view[0] + view[2] / 2, view[1] + view[3] / 2];
     const edges = [x / u - frame.width / 2, y / u - frame.height / 2, x / u + frame.width / 2, y / u + frame.height / 2];
     const buttons = document.querySelector(".buttons").getBoundingClientRect();
     const [dx, dy] = [edges[0] - frame.left, edges[1] - frame.top];
-    taken.push([buttons.left + dx, buttons.top + dy, buttons.right + dx, buttons.bottom + dy]);
+    if (!paper) taken.push([buttons.left + dx, buttons.top + dy, buttons.right + dx, buttons.bottom + dy]);
     const beyond = (box) => Math.max(0, edges[0] - box[0]) + Math.max(0, edges[1] - box[1])
       + Math.max(0, box[2] - edges[2]) + Math.max(0, box[3] - edges[3]);
     // All is measured before anything is changed: else the browser would measure anew for each.
@@ -232,7 +237,7 @@
     body.append(...rows);
   }));
 
-  window.addEventListener("beforeprint", () => { paper = true; show(); });
+  window.addEventListener("beforeprint", () => { paper = true; show(); placeNames(); });
   window.addEventListener("afterprint", () => { paper = false; show(); });
   new ResizeObserver(show).observe(plan);
   show();
