@@ -376,3 +376,34 @@ def test_in_a_terminal(program, setup, tmp_path):
     assert max(map(len, (line for line in lines if "serial" in line or "rotation" in line))) <= 60
     assert "rotation hz 02" in terminal.screen.replace("\r\n  ", " ")
     assert "1 station in" in terminal.screen
+
+
+@pytest.mark.usefixtures("children_hear_signals")
+@pytest.mark.parametrize("lidar", ["sweep", "rplidar-c1-dense"])
+def test_without_instruments(program, run, pristine_survey, tmp_path, lidar):
+    """As the page on recording has it: one program plays the instruments, the other records them."""
+    ports, speed = tmp_path / "ports", str(SPEED)
+    with subprocess.Popen(
+        [program, "emulate", pristine_survey, "--ports", ports, "--lidar", lidar, "--speed", speed],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as emulator:
+        try:
+            told = [emulator.stdout.readline().split() for _ in range(2)]
+            assert told == [
+                ["lidar", f"{lidar}:{ports / lidar}"],
+                ["uwb", f"dwm1001:{ports / 'dwm1001'}"],
+            ]
+            done = subprocess.run(
+                [program, "record", tmp_path / "survey", "--lidar", told[0][1], "--uwb", told[1][1],
+                 "--seconds", "3", "--speed", speed, "--no-solve", "--tag-height-m", "1.4"],
+                input="\n" + 5 * "2.4\n" + "q\n", capture_output=True, text=True, timeout=60, check=False,
+            )  # fmt: skip
+        finally:
+            emulator.send_signal(signal.SIGINT)
+        assert emulator.wait(20.0) == 130
+    assert done.returncode == 0, done.stderr
+    (station,) = check_survey(tmp_path / "survey").survey.stations
+    assert station.complete
+    assert np.isfinite(station.scan.ranges).sum() > 1000
