@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from .interruption import Interrupted
 from .recording_guide import ask_heights, ask_reconnect, ask_station, ask_upper_height
 from .recording_screen import live_screen, print_station, say
 from .survey_so_far import show_survey_so_far
@@ -132,13 +133,18 @@ def _record(
     from ..io import recording_station
 
     begun = time.time()
-    with recording_station(
-        plan.survey, station, epoch=_epoch(plan.survey, begun), keep_raw=plan.keep_raw
-    ) as recording:
-        report = _take(plan, instruments, station, recording)
-        recording.finish(
-            complete=report.problem is None, log=_log(instruments, report, begun, plan)
-        )
+    try:
+        with recording_station(
+            plan.survey, station, epoch=_epoch(plan.survey, begun), keep_raw=plan.keep_raw
+        ) as recording:
+            report = _take(plan, instruments, station, recording)
+            recording.finish(
+                complete=report.problem is None, log=_log(instruments, report, begun, plan)
+            )
+    except Interrupted:
+        kept = "what it has is kept, and the same command records it again"
+        typer.echo(f"station {station} broke off: {kept}", err=True)
+        raise
     print_station(f"station {station}", report)
     heard = [anchor.anchor for anchor in report.live.anchors if anchor.count]
     ask_heights(plan.survey, heard, foreign)

@@ -252,6 +252,7 @@ def test_a_signal_stops_the_motor_and_keeps_what_was_recorded(program, setup, tm
     finally:
         process.kill()
     assert process.returncode == 130
+    assert "station s01 broke off: what it has is kept" in errors
     assert "interrupted" in errors
     assert setup.sweep.motor == 0
     assert not setup.sweep.streaming
