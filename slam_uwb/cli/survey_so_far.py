@@ -83,7 +83,9 @@ def _print(solution: Solution, station: str, place: NextPlace | None) -> None:
         say(f"{_LEGEND}{', x go there next' if place is not None else ''}")
     placed = [s for s in solution.stations if s.status == "ok"]
     say(f"{_state(solution, station)}{len(placed)} of {len(solution.stations)} placed")
-    others = [f"{s.id} ({MEANING[s.status]})" for s in solution.stations if s.status != "ok"]
+    others = [
+        f"{s.id} ({s.status}: {MEANING[s.status]})" for s in solution.stations if s.status != "ok"
+    ]
     if others:
         say(f"not placed: {', '.join(others)}")
     for anchor in solution.anchors:
