@@ -53,7 +53,7 @@ def node_stream(rng: np.random.Generator) -> bytes:
 
 
 def capsule_stream(rng: np.random.Generator) -> bytes:
-    """Express capsules of 12 degrees."""
+    """Express or dense capsules of 12 degrees: header and checksum are those of both."""
     capsules = []
     for k in range(3_000):
         word = (k * 12 % 360) * 64 | (0x8000 if k == 0 else 0)
@@ -87,7 +87,7 @@ JSON = b'{"Block":12, "results":[{"Addr":"0x0001","Status":"Ok","D_cm":40},{"Add
 STREAMS: dict[str, Callable[[np.random.Generator], bytes]] = {
     "sweep": sweep_stream,
     **dict.fromkeys(("rplidar-a1", "rplidar-a2", "rplidar-a3", "rplidar-c1"), node_stream),
-    "rplidar-a2-express": capsule_stream,
+    **dict.fromkeys(("rplidar-a2-express", "rplidar-c1-dense", "rplidar-s1"), capsule_stream),
     "ld06": ld06_stream,
     "dwm1001": lambda _: LES * 2_000,
     "dwm1001-tlv": lambda _: TLV * 4_000,

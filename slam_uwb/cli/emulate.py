@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -22,8 +23,22 @@ _PortsOption = Annotated[
     typer.Option(
         metavar="DIR",
         show_default=False,
-        help="Folder in which the ports appear, as DIR/sweep and DIR/dwm1001.",
+        help="Folder in which the ports appear, as DIR/sweep (or DIR/rplidar-c1-dense) and "
+        "DIR/dwm1001.",
     ),
+]
+
+
+class EmulatedLidar(StrEnum):
+    """Scanners that can be played."""
+
+    SWEEP = "sweep"
+    RPLIDAR = "rplidar-c1-dense"
+
+
+_LidarOption = Annotated[
+    EmulatedLidar,
+    typer.Option(metavar="DEVICE", help="Which scanner is played: sweep or rplidar-c1-dense."),
 ]
 _SpeedOption = Annotated[
     float, typer.Option(min=1.0, max=100.0, metavar="K", help="Times real time.")
@@ -54,6 +69,7 @@ _UpperOption = Annotated[
 def emulate(
     survey: SurveyArgument,
     ports: _PortsOption,
+    lidar: _LidarOption = EmulatedLidar.SWEEP,
     speed: _SpeedOption = 1.0,
     noise: _NoiseOption = 0.0,
     torn: _TornOption = 0.0,
@@ -65,7 +81,7 @@ def emulate(
 ) -> None:
     """Play a survey as the instruments would that recorded it.
 
-    A Scanse Sweep and a DWM1001 on pseudo-terminals, until interrupted. Each recording of at least
+    A Scanse Sweep (or an RPLIDAR) and a DWM1001 on pseudo-terminals, until interrupted. Each recording of at least
     nine tenths of a station's length moves the tripod to the next station. Anchors whose names are
     not four hexadecimal digits report as D001, D002, ...
     """
@@ -80,15 +96,22 @@ def emulate(
         unplug_at=unplug_at_s,
         replug_after=replug_after_s,
     )
-    _play(read_survey(survey), ports, Clock(speed), faults, upper=upper)
+    _play(read_survey(survey), ports, lidar, Clock(speed), faults, upper=upper)
 
 
 def _play(
-    survey: Survey, ports: Path, clock: Clock, scanner_faults: Faults, *, upper: bool
+    survey: Survey,
+    ports: Path,
+    lidar: EmulatedLidar,
+    clock: Clock,
+    scanner_faults: Faults,
+    *,
+    upper: bool,
 ) -> NoReturn:
     """Both instruments at their ports, until interrupted."""
     from ..capture.emulator import (
         Dwm1001Emulator,
+        RplidarEmulator,
         SweepEmulator,
         play_survey,
         plugged_in,
@@ -98,10 +121,11 @@ def _play(
 
     tripod = play_survey(survey, SAMPLE_HZ, upper=upper)
     ports.mkdir(parents=True, exist_ok=True)
-    sweep, tag = ports / "sweep", ports / "dwm1001"
-    devices: dict[Path, Emulated] = {sweep: SweepEmulator(tripod), tag: Dwm1001Emulator(tripod)}
-    with plugged_in(devices, clock=clock, faults={sweep: scanner_faults}):
-        typer.echo(f"lidar  sweep:{sweep}")
+    scanner, tag = ports / lidar.value, ports / "dwm1001"
+    played = RplidarEmulator if lidar is EmulatedLidar.RPLIDAR else SweepEmulator
+    devices: dict[Path, Emulated] = {scanner: played(tripod), tag: Dwm1001Emulator(tripod)}
+    with plugged_in(devices, clock=clock, faults={scanner: scanner_faults}):
+        typer.echo(f"lidar  {lidar.value}:{scanner}")
         typer.echo(f"uwb    dwm1001:{tag}")
         for anchor, radio in radio_names(survey).items():
             typer.echo(f"anchor {anchor} reports as {radio}")

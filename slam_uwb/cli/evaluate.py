@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from .options import JsonOption, SolutionArgument, VerboseOption
+from .solved_survey import read_solved_survey
 
 
 class Align(StrEnum):
@@ -76,9 +77,9 @@ def evaluate(
         format_evaluation,
         reference_to_tum,
     )
-    from ..io import read_reference, read_solution
+    from ..io import read_reference
 
-    solution, truth = read_solution(out), read_reference(reference)
+    solution, truth = read_solved_survey(out), read_reference(reference)
     evaluation = evaluate_solution(solution, truth, align.value)
     if figure is not None:
         from ..report import draw_solution, figure_png

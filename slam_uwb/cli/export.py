@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import SolutionArgument, VerboseOption
+from .solved_survey import read_solved_survey
 from .summary import print_warnings
 from .targets import replace_file
 
@@ -43,11 +44,10 @@ def export(
     Only anchors whose status is ok are handed to positioning systems. The survey's recordings are
     not needed.
     """
-    from ..io import read_solution
     from ..io.exporters import ANCHOR_EXPORTERS, export_solution
     from ..io.exporters.anchors import left_out
 
-    solution = read_solution(out)
+    solution = read_solved_survey(out)
     formats = [name for text in to for name in text.split(",") if name]
     files = export_solution(solution, formats)
     resolved = out.resolve()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .options import NewSurveyOption, VerboseOption
+from .summary import print_warnings
 from .targets import refuse_survey_target
 
 if TYPE_CHECKING:
@@ -91,7 +93,8 @@ def import_recordings(
     refuse_survey_target(out)
     known = {} if heights is None else _heights(heights)
     if tag_height_m is not None:
-        check_height(tag_height_m)
+        with _told_of("--tag-height-m"):
+            check_height(tag_height_m)
     options = ImportOptions(
         name=out.resolve().name,
         max_range=max_range_m,
@@ -105,6 +108,9 @@ def import_recordings(
     further = [_named_file(item) for item in ranges or ()]
     survey, reference = import_survey(form, files, further, options)
     write_survey(survey, out, reference=reference, lidar_model=f"imported: {form}")
+    unheard = [name for name in known if name not in {str(a.id) for a in survey.anchors}]
+    if unheard:
+        print_warnings([f"--heights {heights}: no range is of {', '.join(unheard)}"])
     _say(survey, out)
 
 
@@ -113,7 +119,8 @@ def _say(survey: Survey, out: Path) -> None:
     unmeasured = [str(anchor.id) for anchor in survey.anchors if anchor.height is None]
     if unmeasured:
         typer.echo(
-            f"measure their heights and write them into survey.toml: {', '.join(unmeasured)}"
+            "measure their heights and write them into survey.toml (or import with --heights): "
+            f"{', '.join(unmeasured)}"
         )
 
 
@@ -124,9 +131,21 @@ def _heights(file: Path) -> dict[str, float]:
     from ..io.importers.source import read_source
 
     found = read_heights(read_source(file))
-    for height in found.values():
-        check_height(height)
+    for anchor, height in found.items():
+        with _told_of(f"--heights {file}: anchor {anchor}"):
+            check_height(height)
     return found
+
+
+@contextmanager
+def _told_of(what: str) -> Iterator[None]:
+    """Errors inside begin with what they are about."""
+    from ..model.errors import SlamUwbError
+
+    try:
+        yield
+    except SlamUwbError as error:
+        raise SlamUwbError(f"{what}: {error}") from None
 
 
 def _named_file(item: str) -> tuple[str, Path]:

@@ -85,4 +85,7 @@ def _nearest(solution: Solution, besides: str, place: Vector2) -> str:
 
 
 def _gain(suggestion: Suggestion) -> str:
-    return f": anchors from {suggestion.before:.2f} m to {suggestion.after:.2f} m"
+    return (
+        f": the expected error of the anchors falls from {suggestion.before:.2f} m to "
+        f"{suggestion.after:.2f} m"
+    )

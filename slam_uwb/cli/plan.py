@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import JsonOption, SolutionArgument, VerboseOption
+from .solved_survey import read_solved_survey
 
 
 def plan(
@@ -24,10 +25,9 @@ def plan(
     suggested, from where enough known walls are in view for the scan to be matched. The survey's
     recordings are not needed.
     """
-    from ..io import read_solution
     from ..planning import suggest_stations
 
-    solution = read_solution(out)
+    solution = read_solved_survey(out)
     found = suggest_stations(solution, count, solution.settings.planning)
     if as_json:
         rows = [

@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 from ..model.errors import CaptureError, SlamUwbError
+from .recording_screen import say
 
 _MAX_UNCONFIRMED_M = 6.0
 """A ceiling is rarely higher; an anchor there may be given in feet."""
@@ -24,10 +25,12 @@ def ask_station(survey: Path) -> str | None:
     known = recorded_stations(survey)
     broken = [name for name, item in known.items() if not item.complete]
     if broken:
-        typer.echo(f"broke off, can be recorded again: {', '.join(broken)}")
+        say(f"broke off, can be recorded again: {', '.join(broken)}")
     suggested = broken[0] if broken else _next_name(list(known))
     while True:
-        answer = _ask(f"Set up the tripod. Station to record (q ends) [{suggested}]")
+        answer = _ask(
+            f"Set up the tripod. Enter records {suggested} (or type another name; q ends)"
+        )
         if answer is None or answer.lower() == "q":
             return None
         station = answer or suggested
@@ -50,21 +53,28 @@ def _next_name(known: Sequence[str]) -> str:
     return f"s{number:02d}"
 
 
-def ask_heights(survey: Path, radios: Sequence[str]) -> None:
-    """The heights of anchors that the survey does not list; asked once for each."""
+def ask_heights(survey: Path, radios: Sequence[str], foreign: set[str]) -> None:
+    """The heights of anchors that the survey does not list; asked once for each.
+
+    Args:
+        survey: its folder.
+        radios: heard just now.
+        foreign: those that the operator called not ours; more are added.
+    """
     from ..io import check_height, known_radios, put_anchor
 
     known = known_radios(survey)
-    for radio in radios:
-        if radio in known:
-            continue
-        height = ask_number(
-            f"Anchor {radio}, height of its antenna above the floor in m "
-            "(empty: not measured, -: not one of ours)",
-            check_height,
-            may_be_empty=True,
+    asked = [radio for radio in radios if radio not in known and radio not in foreign]
+    if asked:
+        say(
+            "New anchors were heard. How high are their antennas above the floor, in metres? "
+            "(Enter: not measured yet; -: not one of ours)"
         )
-        if height is not None:
+    for radio in asked:
+        height = ask_number(f"  height of anchor {radio}", check_height, may_be_empty=True)
+        if height is None:
+            foreign.add(radio)
+        else:
             put_anchor(survey, radio, None if math.isnan(height) else height)
 
 
@@ -73,8 +83,8 @@ def ask_upper_height(station: str) -> float | None:
     from ..io import check_height
 
     return ask_number(
-        f"Raise the scanner of {station} above the furniture without moving the tripod. "
-        f"Height above the floor in m (-: no raised scan) [{_UPPER_M:g}]",
+        f"Raise the scanner of {station} without moving the tripod. Its height in m "
+        f"(Enter: {_UPPER_M:g}; -: no raised scan)",
         check_height,
         may_be_empty=True,
         default=_UPPER_M,
@@ -104,8 +114,11 @@ def ask_number(
         try:
             value = float(answer.replace(",", "."))
             check(value)
-        except (ValueError, SlamUwbError) as error:
-            typer.echo(f"expected a height in metres, e.g. 2.45 ({error})")
+        except ValueError:
+            say(f"{answer!r} is no number: expected a height in metres, e.g. 2.45")
+            continue
+        except SlamUwbError as error:
+            say(f"expected a height in metres, e.g. 2.45 ({error})")
             continue
         if value <= _MAX_UNCONFIRMED_M or (_ask(f"{value:g} m, sure? (y/n)") or "").lower() in (
             "y",

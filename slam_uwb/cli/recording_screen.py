@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -17,6 +19,18 @@ if TYPE_CHECKING:
     from ..capture.recorder import Live, StationReport
 
 Watch = Callable[["Live"], None]
+
+
+def say(text: str) -> None:
+    """A line to stdout; in a terminal broken between words, not where its edge happens to be."""
+    if sys.stdout.isatty():
+        text = textwrap.fill(
+            text,
+            max(shutil.get_terminal_size().columns, 20),
+            subsequent_indent="  ",
+            break_on_hyphens=False,
+        )
+    typer.echo(text)
 
 
 @contextmanager
@@ -43,6 +57,7 @@ def live_screen(station: str) -> Iterator[Watch]:
 def _picture(station: str, live: Live) -> RenderableType:
     from rich.console import Group
     from rich.progress_bar import ProgressBar
+    from rich.table import Table
     from rich.text import Text
 
     lines = [Text(f"station {station}: {live.elapsed:.0f} of {live.duration:.0f} s")]
@@ -51,7 +66,9 @@ def _picture(station: str, live: Live) -> RenderableType:
     lines += [Text(describe_anchor(anchor)) for anchor in live.anchors]
     if live.silent > 1.0:
         lines.append(Text(f"the tag is silent for {live.silent:.1f} s", style="bold"))
-    bar = ProgressBar(total=live.duration, completed=live.elapsed, width=50)
+    # A bar ends no line of its own: what follows would stand behind it.
+    bar = Table.grid()
+    bar.add_row(ProgressBar(total=live.duration, completed=live.elapsed, width=50))
     return Group(lines[0], bar, *lines[1:])
 
 
@@ -90,11 +107,11 @@ def _figure(value: float, form: str) -> str:
 def print_station(title: str, report: StationReport) -> None:
     """How a recording went, to stdout."""
     state = "recorded" if report.problem is None else f"broke off: {report.problem}"
-    typer.echo(f"{title} {state}")
+    say(f"{title} {state}")
     if report.live.scan is not None:
         for line in describe_scan(report.live.scan):
             typer.echo(f"  {line}")
     for anchor in report.live.anchors:
         typer.echo(f"  {describe_anchor(anchor)}")
     for doubt in report.doubts:
-        typer.echo(f"  look at this: {doubt}")
+        say(f"  look at this: {doubt}")

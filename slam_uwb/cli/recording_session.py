@@ -5,15 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from .interruption import Interrupted
 from .recording_guide import ask_heights, ask_reconnect, ask_station, ask_upper_height
-from .recording_screen import live_screen, print_station
+from .recording_screen import live_screen, print_station, say
 from .survey_so_far import show_survey_so_far
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ class _Open:
 
     station: str | None = None
     """One that was recorded; its raised scan, or the look at the survey, is still to come."""
+    foreign: set[str] = field(default_factory=set)
+    """Radios that the operator called somebody else's."""
 
 
 def run_sessions(plan: Plan) -> None:
@@ -62,7 +65,20 @@ def run_sessions(plan: Plan) -> None:
             if not ask_reconnect(error):
                 raise
         else:
+            _say_how_it_ended(plan)
             return
+
+
+def _say_how_it_ended(plan: Plan) -> None:
+    """How many stations there are, and the two commands that may come next."""
+    from ..io import recorded_stations
+
+    number = len(recorded_stations(plan.survey))
+    if number:
+        say(
+            f"{number} station{'s' if number > 1 else ''} in {plan.survey}. The same command goes on; "
+            f"`slam-uwb solve {plan.survey} --out OUT` solves the survey."
+        )
 
 
 def _run_session(plan: Plan, left: _Open) -> None:
@@ -73,7 +89,7 @@ def _run_session(plan: Plan, left: _Open) -> None:
         instruments = [_connect(stack, device, port, plan) for device, port in plan.devices]
         _finish_station(plan, instruments, left)
         while (station := ask_station(plan.survey)) is not None:
-            _record(plan, instruments, station)
+            _record(plan, instruments, station, left.foreign)
             left.station = station
             _finish_station(plan, instruments, left)
 
@@ -82,7 +98,8 @@ def _connect(stack: ExitStack, device: Device[Any], wanted: str, plan: Plan) -> 
     from ..capture.ports import connected
     from ..capture.ports.find import find_port
 
-    typer.echo(f"connecting the {device.title} ...")
+    turning = " (its motor settles for some seconds)" if device.sample_hz is not None else ""
+    say(f"connecting the {device.title} ...{turning}")
     port = find_port(device, wanted)
     instrument = stack.enter_context(connected(device, port, plan.clock))
     _print_identity(instrument)
@@ -103,25 +120,34 @@ def _finish_station(plan: Plan, instruments: Sequence[Instrument[Any]], left: _O
 def _print_identity(instrument: Instrument[Any]) -> None:
     facts = dict(instrument.identity)
     warning = facts.pop("warning", None)
-    typer.echo(f"{instrument.name}: " + ", ".join(f"{k} {v}" for k, v in facts.items()))
+    told = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in facts.items())
+    say(f"{instrument.name}: {told}")
     if warning:
         typer.echo(f"warning: {warning}", err=True)
 
 
-def _record(plan: Plan, instruments: Sequence[Instrument[Any]], station: str) -> None:
+def _record(
+    plan: Plan, instruments: Sequence[Instrument[Any]], station: str, foreign: set[str]
+) -> None:
     """Record one station into the folder; CaptureError where it breaks off."""
     from ..io import recording_station
 
     begun = time.time()
-    with recording_station(
-        plan.survey, station, epoch=_epoch(plan.survey, begun), keep_raw=plan.keep_raw
-    ) as recording:
-        report = _take(plan, instruments, station, recording)
-        recording.finish(
-            complete=report.problem is None, log=_log(instruments, report, begun, plan)
-        )
+    try:
+        with recording_station(
+            plan.survey, station, epoch=_epoch(plan.survey, begun), keep_raw=plan.keep_raw
+        ) as recording:
+            report = _take(plan, instruments, station, recording)
+            recording.finish(
+                complete=report.problem is None, log=_log(instruments, report, begun, plan)
+            )
+    except Interrupted:
+        kept = "what it has is kept, and the same command records it again"
+        typer.echo(f"station {station} broke off: {kept}", err=True)
+        raise
     print_station(f"station {station}", report)
-    ask_heights(plan.survey, [anchor.anchor for anchor in report.live.anchors if anchor.count])
+    heard = [anchor.anchor for anchor in report.live.anchors if anchor.count]
+    ask_heights(plan.survey, heard, foreign)
     if report.problem is not None:
         raise report.problem
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import SolutionArgument, VerboseOption
+from .solved_survey import read_solved_survey
 from .targets import replace_file
 
 
@@ -26,9 +27,8 @@ def report(
     One page that opens without a network. `solve` writes it already; this draws it again, with
     this version of the software, from what is in OUT. The survey's recordings are not needed.
     """
-    from ..io import read_solution
     from ..report.page import REPORT, draw_report
 
     target = out / REPORT if to is None else to
-    replace_file(target, draw_report(read_solution(out)).encode())
+    replace_file(target, draw_report(read_solved_survey(out)).encode())
     typer.echo(f"report    {target}")

@@ -20,13 +20,13 @@ from .options import (
     WorkersOption,
 )
 from .progress import progress_bar
+from .solved_survey import read_solved_survey
 from .sound_survey import read_sound_survey
 from .summary import print_summary, print_warnings
 from .targets import refuse_solution_target
 
 if TYPE_CHECKING:
     from ..model.settings import Settings
-    from ..model.solution import Solution
 
 
 _OutOption = Annotated[
@@ -72,7 +72,7 @@ def solve(
     What cannot be told is left empty and says why in its `status`. OUT is complete or not there.
     """
     refuse_solution_target(out, survey)
-    known = None if earlier is None else _read_earlier(earlier)
+    known = None if earlier is None else read_solved_survey(earlier)
     chosen = choose_settings(settings, mode, pairs, None if known is None else known.settings)
     frame = parse_alignment(align or [])
     sound = read_sound_survey(survey)
@@ -93,12 +93,6 @@ def solve(
         progress("drawing and writing", 1, 1)
     print_warnings(solution.warnings)
     print_summary(solution, out, out / FIGURE, out / REPORT, as_json=as_json)
-
-
-def _read_earlier(folder: Path) -> Solution:
-    from ..io import read_solution
-
-    return read_solution(folder)
 
 
 def choose_settings(

@@ -51,6 +51,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
         "survey": solution.survey_name,
         "mode": solution.mode,
         "frame": solution.frame,
+        "aligned": solution.alignment is not None,
         "stations": _count(solution.stations),
         "anchors": _count(solution.anchors),
         "warnings": list(solution.warnings),
@@ -87,6 +88,7 @@ def format_summary(summary: dict[str, Any]) -> Iterator[str]:
     frame = (
         "the site's frame" if summary["frame"] == "site" else f"frame of station {summary['frame']}"
     )
+    frame = "in the frame that --align asks for" if summary["aligned"] else frame
     yield f"{summary['survey']}: {summary['mode']}, {frame}"
     for kind in ("stations", "anchors"):
         count = summary[kind]

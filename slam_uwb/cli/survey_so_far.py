@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,12 +13,17 @@ import typer
 
 from .next_place import NextPlace, find_next_place
 from .progress import Progress, progress_bar
+from .recording_screen import say
 
 if TYPE_CHECKING:
     from ..model.solution import AnchorEstimate, Solution
 
 PATIENCE_S = 60.0
 """The operator waits no longer than that for a look at the survey."""
+_COLUMNS, _ROWS, _FEWEST_ROWS = 76, 30, 10
+_OTHER_ROWS = 12
+"""Of the terminal, for what stands below the map: it should not push the map's top away."""
+_LEGEND = "█ wall, · floor seen, o station, A anchor"
 
 
 class _TooLongError(Exception):
@@ -32,15 +38,16 @@ def show_survey_so_far(survey: Path, station: str) -> None:
     from ..pipeline import solve_survey
 
     if sum(bool(item.files) for item in recorded_stations(survey).values()) < 2:
+        say("one station so far: from the second one on you see how they fit together")
         return
     try:
         with signals_let_in(), progress_bar() as progress:
             solution = solve_survey(read_survey(survey), progress=_within(PATIENCE_S, progress))
             place = find_next_place(solution, station)
     except SlamUwbError as error:
-        typer.echo(f"the survey so far: {error}")
+        say(f"the survey so far: {error}")
     except _TooLongError:
-        typer.echo(
+        say(
             f"the survey so far: not solved within {PATIENCE_S:g} s; `slam-uwb solve {survey} --out OUT` "
             "does it, and --no-solve leaves it out here"
         )
@@ -63,33 +70,42 @@ def _within(
 
 
 def _print(solution: Solution, station: str, place: NextPlace | None) -> None:
+    from ..report.trust import MEANING
     from .text_map import draw_text_map
 
-    for line in draw_text_map(solution, place=None if place is None else place.place):
+    where = None if place is None else place.place
+    columns, rows = shutil.get_terminal_size((80, 40))
+    size = min(columns - 2, _COLUMNS), min(max(rows - _OTHER_ROWS, _FEWEST_ROWS), _ROWS)
+    drawn = draw_text_map(solution, *size, place=where)
+    for line in drawn:
         typer.echo(line)
+    if drawn:
+        say(f"{_LEGEND}{', x go there next' if place is not None else ''}")
     placed = [s for s in solution.stations if s.status == "ok"]
-    typer.echo(f"{_state(solution, station)}{len(placed)} of {len(solution.stations)} placed")
-    others = [f"{s.id} ({s.status})" for s in solution.stations if s.status != "ok"]
+    say(f"{_state(solution, station)}{len(placed)} of {len(solution.stations)} placed")
+    others = [
+        f"{s.id} ({s.status}: {MEANING[s.status]})" for s in solution.stations if s.status != "ok"
+    ]
     if others:
-        typer.echo(f"not placed: {', '.join(others)}")
+        say(f"not placed: {', '.join(others)}")
     for anchor in solution.anchors:
-        typer.echo(f"  anchor {anchor.id}: {_anchor_state(anchor)}")
+        heard = sum(link.anchor == anchor.id for link in solution.links)
+        say(f"  anchor {anchor.id}, heard at {heard}: {_anchor_state(anchor)}")
     if place is not None:
-        typer.echo(f"next (x in the map): {place.words}")
+        say(f"next (x in the map): {place.words}")
 
 
 def _state(solution: Solution, station: str) -> str:
     here = next((s for s in solution.stations if str(s.id) == station), None)
     if here is None:
         return ""
-    return (
-        f"station {station} {'placed' if here.status == 'ok' else f'not placed: {here.status}'}; "
-    )
+    return f"station {station} {'placed' if here.status == 'ok' else 'not placed'}; "
 
 
 def _anchor_state(anchor: AnchorEstimate) -> str:
-    heard = f"ranges of {anchor.stations} stations used"
+    from ..report.trust import MEANING
+
     if anchor.status != "ok" or anchor.covariance is None:
-        return f"{anchor.status}, {heard}"
+        return f"not determined yet, {MEANING[anchor.status]}"
     sigma = math.sqrt(max(float(anchor.covariance[0, 0] + anchor.covariance[1, 1]), 0.0))
-    return f"determined within {sigma:.2f} m (1 sigma), {heard}"
+    return f"determined within {sigma:.2f} m (1 sigma)"

@@ -95,7 +95,10 @@ def _empty_picture(low: Points, high: Points) -> tuple[Figure, Axes]:
 def figure_png(figure: Figure) -> bytes:
     """The figure as PNG; the same figure gives the same bytes (no version, no date)."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
+    # Cut to what is drawn: a map keeps its proportions, so its axes leave part of the figure empty.
+    figure.savefig(
+        stream, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.08
+    )
     return stream.getvalue()
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ..model.solution import Solution
 from ..planning import suggest_stations
 from .moves import describe_moves
-from .page_map import build_page_map
+from .page_map import PageMap, build_page_map
 from .page_tables import page_tables
 from .trust import judge_anchors
 from .verdict import Level, judge_solution
@@ -66,6 +66,7 @@ def draw_report(solution: Solution) -> str:
     anchors = judge_anchors(solution)
     verdict = judge_solution(solution, anchors)
     places = suggest_stations(solution, _PLACES, solution.settings.planning)
+    page_map = build_page_map(solution, anchors, places)
     style, script = (
         (_TEMPLATES / name).read_text(encoding="utf-8") for name in ("report.css", "report.js")
     )
@@ -77,8 +78,8 @@ def draw_report(solution: Solution) -> str:
             verdict=verdict,
             sign=_SIGN[verdict.level],
             tone=_CLASS[verdict.level],
-            map=build_page_map(solution, anchors, places),
-            layers=LAYERS,
+            map=page_map,
+            layers=[layer for layer in LAYERS if layer[0] in _filled(page_map)],
             tables=page_tables(solution, anchors),
             places=places,
             moved=tuple(describe_moves(solution)),
@@ -91,6 +92,26 @@ def draw_report(solution: Solution) -> str:
             script_hash=_hash(script),
         )
     )
+
+
+def _filled(page_map: PageMap) -> set[str]:
+    """Names of the layers that show something: a box that does nothing when it is ticked misleads."""
+    contents = {
+        "floor": page_map.picture,
+        "given": page_map.given,
+        "rooms": page_map.rooms,
+        "walls": page_map.walls or page_map.doors,
+        "stations": page_map.stations,
+        "anchors": page_map.anchors,
+        "ovals": page_map.ovals,
+        "places": page_map.places,
+        "others": page_map.others,
+        "matches": page_map.matches,
+        "grid": page_map.view,
+    }
+    return {name for name, content in contents.items() if content} | {
+        line.kind for line in page_map.links
+    }
 
 
 def _environment() -> Environment:
@@ -110,7 +131,8 @@ def solver_facts(solution: Solution) -> Iterator[tuple[str, str]]:
     """What led to the numbers, name and value."""
     frame = solution.frame
     yield "mode", solution.mode
-    yield "frame", "the site's" if frame == "site" else f"that of station {frame}"
+    own = "the site's" if frame == "site" else f"that of station {frame}"
+    yield "frame", own if solution.alignment is None else f"as --align asks; before, {own}"
     if solution.alignment is not None:
         moved = solution.alignment
         degrees = math.degrees(moved.theta)

@@ -32,6 +32,8 @@ from .trust import SIGMAS, AnchorJudgement, Trust
 _MARGIN_M = 0.8
 _PIXELS = 900.0
 """Width that marks are sized for where no script tells the true one."""
+_NAME_PIXELS = np.array([20.0, -10.0])
+"""From a mark to the middle of a short name beside it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,26 +68,38 @@ def build_page_map(
     """The map's content; empty layers where a solution has nothing for them."""
     stations, places = station_estimates(solution), anchor_estimates(solution)
     view = _view(solution.floor_map, [*stations, *places])
+    unit = max(view[2], view[3]) / _PIXELS
+    station_marks = tuple(_station_mark(item) for item in stations if item.position is not None)
+    anchor_marks = tuple(
+        _anchor_mark(item, judged)
+        for item, judged in zip(places, anchors, strict=True)
+        if item.position is not None
+    )
+    suggested = tuple(_suggested(places_to_measure))
+    taken = _taken([*station_marks, *anchor_marks, *suggested], unit)
     return PageMap(
         view=view,
-        unit=max(view[2], view[3]) / _PIXELS,
+        unit=unit,
         picture=None if solution.floor_map is None else draw_floor(solution.floor_map),
         given=None if solution.picture is None else draw_given(solution.picture),
-        rooms=tuple(room_shapes(solution.plan)),
+        rooms=tuple(room_shapes(solution.plan, taken)),
         walls=tuple(wall_shapes(solution.plan)),
         doors=tuple(door_shapes(solution.plan)),
-        stations=tuple(_station_mark(item) for item in stations if item.position is not None),
-        anchors=tuple(
-            _anchor_mark(item, judged)
-            for item, judged in zip(places, anchors, strict=True)
-            if item.position is not None
-        ),
+        stations=station_marks,
+        anchors=anchor_marks,
         others=tuple(_other_marks(stations, "station")) + tuple(_other_marks(places, "anchor")),
         ovals=tuple(_ovals(stations, "station")) + tuple(_ovals(places, "anchor")),
         links=tuple(_links(solution, places)),
         matches=tuple(_matches(solution, stations)),
-        places=tuple(_suggested(places_to_measure)),
+        places=suggested,
     )
+
+
+def _taken(marks: Sequence[Mark], unit: float) -> FloatArray:
+    """(2 M, 2) m of the marks, and of their names, which stand to their upper right."""
+    signs = np.array([[mark.x, mark.y] for mark in marks]).reshape(-1, 2)
+    names = signs + unit * _NAME_PIXELS
+    return np.concatenate([signs, names]) * [1.0, -1.0] / UNITS_A_METRE
 
 
 def _view(

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..model.geometry import FloatArray
+from ..model.geometry import FloatArray, Points
 from ..model.solution import FloorMap, FloorPlan
+from .room_names import roomiest_place
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
@@ -126,10 +127,10 @@ def _stretched(image: PillowImage, floor_map: FloorMap) -> Picture:
     return Picture(data, x, round(y - height * cell, 2), width * cell, height * cell)
 
 
-def room_shapes(plan: FloorPlan | None) -> Iterable[Shape]:
-    """Rooms with their areas."""
+def room_shapes(plan: FloorPlan | None, others: Points) -> Iterable[Shape]:
+    """Rooms with their areas, written where none of the other places (M, 2) m is near."""
     for number, room in enumerate(plan.rooms if plan else (), 1):
-        x, y = to_picture(room.polygon.mean(axis=0))
+        x, y = to_picture(roomiest_place(room.polygon, others))
         area = f"{room.area:.1f} m²"
         yield Shape(_path(room.polygon) + "Z", f"room {number}\n{area}", name=area, x=x, y=y)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,6 +16,8 @@ _CONFIRMED_M = 0.001
 """iSAM2 and batch optimisation agree to this."""
 _ANCHORS_FOR_POSITIONING = 3
 _NAMED = 6
+_SWAPPED = re.compile(r"fits anchor (?P<anchor>\S+): identifiers swapped")
+"""The solver's reason for a range that fits the place of another anchor."""
 
 
 class Level(StrEnum):
@@ -114,21 +117,28 @@ def _station_findings(solution: Solution) -> Iterator[Finding]:
 def _link_findings(links: Sequence[LinkMeasurement]) -> Iterator[Finding]:
     """Ranges that were measured between placed ends and yet contradict everything else."""
     faulty = [k for k in links if k.rejection is not None and k.residual == k.residual]
-    swapped = [k for k in faulty if "swapped" in (k.rejection or "")]
-    for station in dict.fromkeys(link.station for link in swapped):
-        pair = " and ".join(str(link.anchor) for link in swapped if link.station == station)
+    swapped = {k: other for k in faulty if (other := _SWAPPED.match(k.rejection or ""))}
+    pairs = {(k.station, *sorted([str(k.anchor), other["anchor"]])) for k, other in swapped.items()}
+    for station, one, two in sorted(pairs):
         yield Finding(
-            f"at station {station} the ranges of anchors {pair} are swapped: exchanged, both fit",
-            f"check the anchors' identifiers at {station}, or record it again; without its "
-            "wrong ranges the result stands",
+            f"at station {station} the ranges of anchors {one} and {two} look swapped: each fits "
+            "the place of the other",
+            f"check which anchor is which at {station}: exchange {one} and {two} in its rows of "
+            "ranges.csv and solve again, or record it again; both ranges are left out, so the "
+            "result stands without them",
         )
     wrong = [k for k in faulty if k not in swapped and (k.rejection or "").find(" m too ") >= 0]
     if wrong:
         names = [f"{link.station} to {link.anchor} ({link.residual:+.2f} m)" for link in wrong]
+        say = (
+            "range contradicts the rest and is"
+            if len(wrong) == 1
+            else "ranges contradict the rest and are"
+        )
         yield Finding(
-            f"{len(wrong)} range{'s' if len(wrong) > 1 else ''} contradict the rest and are not "
-            f"used: {_named(names)}",
-            "nothing, where an anchor keeps enough other links; else record the station again",
+            f"{len(wrong)} {say} not used: {_named(names)}",
+            "nothing, where an anchor keeps enough other links; else see that no two identifiers "
+            "were exchanged there, and record the station again",
         )
 
 

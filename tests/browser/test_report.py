@@ -82,6 +82,58 @@ def test_layers_switch(open_page, report, layer, shown):
     assert page.problems == []
 
 
+def overlapping(page):
+    """Pairs of texts on the map of which one covers the other by more than a hair."""
+    return page.evaluate("""() => {
+      const shown = [...document.querySelectorAll("#plan .name")].filter((t) => t.getClientRects().length);
+      const boxes = shown.map((t) => [t.textContent, t.getBoundingClientRect()]);
+      const pairs = [];
+      boxes.forEach(([name, a], k) => boxes.slice(k + 1).forEach(([other, b]) => {
+        const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        if (wide > 1.5 && high > 4) pairs.push(`${name} ${other}`);
+      }));
+      return pairs;
+    }""")
+
+
+@pytest.mark.parametrize("width", [1400, 390, 320])
+def test_no_name_leaves_the_frame(open_page, report, width):
+    page = open_page(report, width=width, height=900)
+    page.wait_for_timeout(100)
+    cut = page.evaluate("""() => {
+      const frame = document.querySelector("#plan").getBoundingClientRect();
+      return [...document.querySelectorAll("#plan .mark .name")].filter((name) => {
+        const box = name.getBoundingClientRect();
+        return box.width && (box.left < frame.left - 1 || box.right > frame.right + 1);
+      }).map((name) => name.textContent);
+    }""")
+    assert cut == []
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_names_and_areas_do_not_cover_each_other(open_page, report, solution, width):
+    page = open_page(report, width=width, height=900)
+    page.wait_for_timeout(100)
+    assert overlapping(page) == []
+    named = page.locator("#plan .mark .name:visible").count()
+    assert named >= len(solution.stations) + len(solution.anchors)
+    # What had no room comes back where there is some.
+    areas = page.locator("#plan .room:visible").count()
+    for _ in range(2):
+        page.click('[data-zoom="in"]')
+    page.wait_for_timeout(100)
+    assert overlapping(page) == []
+    assert page.locator("#plan .room:visible").count() >= areas
+
+
+def test_a_layer_without_content_has_no_box(open_page, report, solution):
+    assert all(link.rejection is None for link in solution.links)
+    page = open_page(report)
+    assert page.locator('input[data-layer="rejected"]').count() == 0
+    assert page.locator('input[data-layer="free"]').count() == 1
+
+
 def test_tables_sort_by_number_and_by_name(open_page, report, solution):
     page = open_page(report)
     sigma = page.locator("#anchors thead th").all_inner_texts().index("2 sigma") + 1
@@ -194,6 +246,11 @@ def test_on_a_phone_nothing_but_tables_scrolls_sideways(open_page, report, width
     assert "anchor" in page.locator("#tip").inner_text()
 
 
+def test_on_a_phone_the_map_comes_before_its_layers(open_page, report):
+    page = open_page(report, width=390, height=844)
+    assert page.locator("#plan").bounding_box()["y"] < page.locator("#layers").bounding_box()["y"]
+
+
 def test_two_fingers_zoom(open_page, report):
     page = open_page(report, width=390, height=780, has_touch=True, is_mobile=True)
     page.locator("#plan").scroll_into_view_if_needed()
@@ -219,6 +276,15 @@ def test_print_shows_all_rows_and_no_controls(open_page, report, solution):
     page.emulate_media(media="print")
     assert page.locator(".buttons").is_hidden()
     assert page.locator("nav").is_hidden()
+    # A head that is a button would be printed on a table's first page only.
+    assert (
+        page.locator("th button").first.evaluate("b => getComputedStyle(b).display") == "contents"
+    )
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.set_viewport_size({"width": 720, "height": 1000})
+    bar, plan = (page.locator(name).bounding_box() for name in ("#scale path", "#plan"))
+    assert plan["x"] < bar["x"]
+    assert bar["y"] < plan["y"] + plan["height"]
     # No table is cut by a scrolling box.
     assert page.evaluate(
         "[...document.querySelectorAll('.scroll')].every((box) => box.scrollHeight <= box.clientHeight + 1)"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slam_uwb.capture.emulator import plugged_in
+from slam_uwb.capture.emulator import RplidarEmulator, play_survey, plugged_in
 from slam_uwb.capture.frames import ld06
 from slam_uwb.capture.ports import LIDARS, TAGS, connected
 from slam_uwb.capture.recorder import record_station
@@ -66,10 +66,11 @@ class Sink:
     """Counts."""
 
     def __init__(self) -> None:
-        self.samples, self.ranges, self.seen = 0, [], set()
+        self.samples, self.ranges, self.seen, self.scan = 0, [], set(), []
 
     def add_scan(self, bearings, ranges, times, signals):
         self.samples += len(bearings)
+        self.scan.append(np.column_stack([bearings, ranges]))
         self.seen |= set(np.asarray(ranges)[np.isfinite(ranges)].tolist())
 
     def add_range(self, anchor, distance, time, rss_dbm, quality):
@@ -168,6 +169,78 @@ def test_an_rplidar_that_answers_express_by_another_kind_of_capsules(tmp_path, c
     with pytest.raises(CaptureError, match="00 40 85 instead of"):
         record(LIDARS["rplidar-a2-express"], device, tmp_path / "port", clock)
     assert device.log[-1] == bytes.fromhex("a5f002000057")
+
+
+@pytest.mark.parametrize("name", ["rplidar-c1-dense", "rplidar-s1"])
+def test_rplidar_dense(tmp_path, clock, flat, name):
+    """What the emulated scanner saw arrives: angles to the 1/64 degree of the capsules, ranges to the mm."""
+    emulated = RplidarEmulator(play_survey(flat, 500.0))
+    played = emulated.tripod.stations[0].scan
+    sink, identity = record(LIDARS[name], emulated, tmp_path / "port", clock)
+    assert identity["scan mode"] == "1 DenseBoost"
+    assert identity["sample period"] == "200 us"
+    assert not emulated.streaming
+    found = np.concatenate(sink.scan)
+    # 5000 samples a second for two seconds.
+    assert 6000 < len(found) < 12_000
+    # The recording comes backwards; one that is repeated loses the capsule before its start each time.
+    count = len(played) // 40 * 40 - 40
+    expected = np.column_stack([played.bearings, played.ranges])[::-1][:count]
+    turns = np.angle(np.exp(1j * (found[:count, 0] - expected[:, 0])))
+    assert np.abs(turns).max() < np.deg2rad(1.0)
+    assert np.degrees(np.sqrt(np.mean(turns**2))) < 0.3
+    np.testing.assert_allclose(found[:count, 1], expected[:, 1], atol=5.1e-4, equal_nan=True)
+
+
+def conf(what, value, mode=None):
+    """A request for an entry of the configuration and its answer (protocol notes, 2.2)."""
+    asked = bytes([what, 0, 0, 0]) + (b"" if mode is None else bytes([mode, 0]))
+    question = bytes([0xA5, 0x84, len(asked)]) + asked
+    answer = bytes.fromhex("a55a") + bytes([4 + len(value), 0, 0, 0, 0x20]) + asked[:4] + value
+    return {question + bytes([reduce(xor, question)]): answer}
+
+
+def modes(*kinds):
+    entries = conf(0x70, bytes([len(kinds), 0]))
+    for number, kind in enumerate(kinds):
+        entries |= conf(0x71, (63 * 256).to_bytes(4, "little"), number)
+        entries |= conf(0x74, (25 * 256).to_bytes(4, "little"), number)
+        entries |= conf(0x75, bytes([kind]), number)
+        entries |= conf(0x7F, b"Mode%d\0" % number, number)
+    return entries
+
+
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    [
+        (modes(0x81, 0x84), r"no scan mode that answers by 0x85; its modes: Mode0 \(0x81\), Mode1"),
+        ({}, "its scan modes .none before firmware 1.24."),
+        (conf(0x70, b""), "when asked for its scan modes"),
+        (conf(0x70, b"\x01\x00") | conf(0x71, b"\x00", 0), "when asked for entry 0x71"),
+        (
+            {next(iter(conf(0x70, b""))): b"\xa5\x5a\xff\xff\xff\x3f\x20"},
+            "when asked for its scan modes",
+        ),
+    ],
+)
+def test_an_rplidar_without_dense_capsules(tmp_path, clock, entries, told):
+    device = rplidar()
+    device.answers |= entries
+    with pytest.raises(CaptureError, match=told):
+        record(LIDARS["rplidar-c1-dense"], device, tmp_path / "port", clock)
+    assert not device.streaming
+
+
+def test_an_s1_is_turned_by_turns_a_minute(tmp_path, clock):
+    device = rplidar()
+    turn, scan = bytes.fromhex("a5 a8 02 58 02 55"), bytes.fromhex("a5 82 05 01 00 00 00 00 23")
+    device.answers |= modes(0x81, 0x85) | {turn: b"", scan: bytes.fromhex("a55a5400004085")}
+    device.frame, device.period, device.starts = express_revolution(), 1200 / 9200, scan
+    sink, _ = record(LIDARS["rplidar-s1"], device, tmp_path / "port", clock)
+    assert sink.samples > 8000
+    assert device.log.count(turn) == 1
+    # Nothing after STOP, as the vendor's driver leaves it.
+    assert device.log[-1] == b"\xa5\x25"
 
 
 @pytest.mark.parametrize(

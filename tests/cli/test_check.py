@@ -178,3 +178,10 @@ def test_json_for_programs(run, survey):
 def test_json_of_a_sound_survey(run, pristine_survey):
     report = json.loads(run("check", pristine_survey, "--json").stdout)
     assert report == {"survey": str(pristine_survey), "ok": True, "faults": [], "warnings": []}
+
+
+def test_a_folder_that_is_no_survey_is_named(run, tmp_path):
+    (tmp_path / "photos").mkdir()
+    done = run("solve", "photos", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == ("slam-uwb: photos: no survey.toml in it: expected a survey folder\n")

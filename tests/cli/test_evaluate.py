@@ -87,6 +87,27 @@ def test_what_is_no_solution_ends_with_2(run, survey, out, reference):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    "command", [["evaluate", "--reference", "r"], ["plan"], ["report"], ["export", "--to", "dxf"]]
+)
+def test_a_folder_that_holds_no_solution_is_named_with_what_makes_one(run, tmp_path, command):
+    name, *options = command
+    (tmp_path / "empty").mkdir()
+    done = run(name, "empty", *options, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "slam-uwb: empty: no solution.json in it: a solution is written by "
+        "`slam-uwb solve SURVEY --out empty`\n"
+    )
+
+
+def test_a_survey_given_for_its_solution_is_said_to_be_one(run, survey):
+    done = run("evaluate", survey, "--reference", survey / "reference")
+    assert done.returncode == 2
+    assert f"{survey}: is a survey that is not solved here" in done.stderr
+    assert f"slam-uwb solve {survey} --out OUT" in done.stderr
+
+
 @pytest.mark.parametrize("reference", ["nowhere", "flat/scans"])
 def test_what_is_no_reference_ends_with_2(run, survey, pristine_solution, reference):
     done = run("evaluate", pristine_solution, "--reference", survey.parent / reference)
@@ -99,4 +120,4 @@ def test_a_damaged_solution_ends_with_2_and_names_the_file(run, pristine_survey,
     document.write_bytes(document.read_bytes()[:1000])
     done = run("evaluate", solution, "--reference", pristine_survey / "reference")
     assert done.returncode == 2
-    assert "solution.json" in done.stderr
+    assert done.stderr.startswith(f"slam-uwb: {solution}: solution.json")

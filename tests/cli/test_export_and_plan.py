@@ -103,6 +103,7 @@ def test_align_to_two_points_of_a_picture(run, pristine_survey, pristine_solutio
     picture = f"--align={tmp_path / 'plan.png'}"
     done = run("solve", pristine_survey, "--out", tmp_path / "out", picture, *points)
     assert done.returncode == 0, done.stderr
+    assert "in the frame that --align asks for" in done.stdout
     new = anchors(tmp_path / "out")
     for name, (x, y) in old.items():
         assert math.dist(new[name], (x + 8.0, y + 12.0)) < 0.01

@@ -1,5 +1,7 @@
 import gzip
 
+import pytest
+
 from slam_uwb.io import check_survey
 
 LES = "022E[7.94,8.03,0.00]=3.38 9280[7.95,0.00,0.00]=5.49 le_us=3082\n"
@@ -14,7 +16,7 @@ def test_import(run, tmp_path):
         "--ranges", f"dwm1001-log:{tmp_path / 's01.log'}", "--heights", tmp_path / "heights.csv",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "measure their heights and write them into survey.toml: 9280" in done.stdout
+    assert "write them into survey.toml (or import with --heights): 9280" in done.stdout
     survey = check_survey(tmp_path / "survey").survey
     assert len(survey.ranges) == 2
     assert survey.anchors[0].height == 2.4
@@ -33,6 +35,65 @@ def test_a_bomb_is_refused(run, tmp_path):
     done = run("import", "csv", tmp_path / "s01.csv.gz", "--out", tmp_path / "survey")
     assert done.returncode == 2
     assert "limit of 200,000,000 bytes" in done.stderr
+
+
+FILES = {
+    "s01.csv": "anchor,range_m\nA1,3\n",
+    "high.csv": "X,Y,Z\n300,0,100\n0,400,120\n",
+    "mm.csv": "angle_deg,range_m\n0,3000\n90,2500\n",
+    "robot.log": "FLASER 2 50.0 60.0 0 0 0 0 0 0 1.0 host 1.0\n",
+    "blind.csv": "angle_deg,range_m\n0,0\n90,\n",
+    "cm.csv": "anchor,height_m\nA1,2.4\nA2,240\n",
+    "high.ply": "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+    "property float z\nend_header\n1 2 3\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("ranges-csv s01.csv", "the tag's antenna above the floor is needed (--tag-height-m)"),
+        ("ranges-csv s01.csv --tag-height-m 140", "--tag-height-m: 140: a height is"),
+        (
+            "ranges-csv s01.csv --tag-height-m 1.4 --heights cm.csv",
+            "--heights cm.csv: anchor A2: 240",
+        ),
+        ("sweep-csv high.csv", "high.csv: Z: none of 2 points has z from -0.1 to 0.1 m (--band-m)"),
+        ("cloud high.ply", "high.ply: none of 1 points has z from -0.1 to 0.1 m (--band-m)"),
+        ("csv mm.csv", "mm.csv: none of 2 returns is within 40 m (--max-range-m)"),
+        ("carmen robot.log", "robot.log: no return within 40 m (--max-range-m)"),
+        ("csv blind.csv", "blind.csv: no return in it"),
+        (
+            "csv mm.csv --ranges csv:mm.csv",
+            "'csv' is no format of ranges (--ranges); there are: dwm",
+        ),
+        ("csv mm.csv --ranges s01.csv", "--ranges: 's01.csv': expected FORMAT:FILE"),
+        ("bag none", "none: no such file or folder"),
+    ],
+)
+def test_what_an_option_could_mend_names_the_option(run, tmp_path, arguments, told):
+    if "cloud" in arguments:
+        pytest.importorskip("open3d", exc_type=ImportError)
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    done = run("import", *arguments.split(), "--out", "survey", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert told in done.stderr
+    assert not (tmp_path / "survey").exists()
+
+
+def test_heights_of_anchors_that_nobody_heard_are_told(run, tmp_path):
+    """A typing error there would leave an anchor without its height."""
+    (tmp_path / "s01.csv").write_text("anchor,range_m\nA1,3\n")
+    (tmp_path / "heights.csv").write_text("anchor,height_m\na1,2.4\n")
+    done = run(
+        *("import", "ranges-csv", "s01.csv", "--tag-height-m", 1.4, "--heights", "heights.csv"),
+        *("--out", "survey"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0
+    assert "--heights heights.csv: no range is of a1" in done.stderr
+    assert done.stdout.splitlines()[-1].endswith(": A1")
 
 
 def test_unknown_format(run, tmp_path):

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
+import pty
+import re
 import signal
+import struct
 import subprocess
+import termios
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,12 +86,33 @@ def record(program: str, folder: Path, setup: Setup, answers: list[str], *more: 
 def test_a_guided_session(program, setup, tmp_path):
     folder = tmp_path / "survey"
     # The tag's height in centimetres first; then s01 and the heights of its five anchors.
-    answers = ["140", "1.40", "", "2.4", "2,5", "25.0", "n", "2.6", "", "-", "../x", "", "q"]
+    answers = [
+        "140",
+        "1.40",
+        "",
+        "2.4",
+        "2,5",
+        "25.0",
+        "n",
+        "high",
+        "2.6",
+        "",
+        "-",
+        "../x",
+        "",
+        "q",
+    ]
     done = record(program, folder, setup, answers, "--raw")
     assert done.returncode == 0, done.stderr
     assert "Scanse Sweep on" in done.stdout
     assert "points a revolution" in done.stdout
     assert "a station's name is" in done.stdout
+    assert "'high' is no number" in done.stdout
+    # Asked at s01 and not again at s02.
+    assert done.stdout.count("height of anchor D005") == 1
+    assert "one station so far" in done.stdout
+    assert "o station, A anchor, x go there next" in done.stdout
+    assert f"2 stations in {folder}. The same command goes on" in done.stdout
     assert "2 of 2 placed" in done.stdout
     assert "█" in done.stdout
     assert "next (x in the map): " in done.stdout
@@ -119,7 +145,7 @@ def test_a_session_is_gone_on_with_and_heights_are_asked_once(program, setup, tm
     again = record(program, folder, setup, ["", "s01", "y", "q"], "--no-solve")
     assert again.returncode == 0, again.stderr
     assert "Height" not in again.stdout
-    assert "height of its antenna" not in again.stdout
+    assert "height of anchor" not in again.stdout
     assert list(recorded_stations(folder)) == ["s02", "s01"]
     # What was recorded first is not lost.
     kept = folder / "recordings/replaced/s01/1"
@@ -226,6 +252,7 @@ def test_a_signal_stops_the_motor_and_keeps_what_was_recorded(program, setup, tm
     finally:
         process.kill()
     assert process.returncode == 130
+    assert "station s01 broke off: what it has is kept" in errors
     assert "interrupted" in errors
     assert setup.sweep.motor == 0
     assert not setup.sweep.streaming
@@ -291,3 +318,93 @@ def test_ports(run):
     assert done.returncode == 0
     assert isinstance(json.loads(done.stdout), list)
     assert "sweep" in run("ports").stdout
+
+
+class Terminal:
+    """A program in a terminal of its own; `screen` is all that it drew, without its colours."""
+
+    def __init__(self, arguments: list[str], columns: int, lines: int) -> None:
+        self.master, slave = pty.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+        # Where these are set they are believed before the terminal itself.
+        environment = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES")}
+        self.process = subprocess.Popen(
+            arguments,
+            env=environment,
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+        )
+        os.close(slave)
+        self.screen = ""
+
+    def answer(self, question: str, line: str) -> None:
+        """Type a line once the question stands there, anew."""
+        begin, deadline = len(self.screen), time.monotonic() + 60.0
+        while question not in self.screen[begin:]:
+            assert time.monotonic() < deadline, self.screen
+            self._read()
+        os.write(self.master, f"{line}\n".encode())
+
+    def end(self) -> int:
+        with suppress(OSError):
+            while True:
+                self._read()
+        os.close(self.master)
+        return self.process.wait(20.0)
+
+    def _read(self) -> None:
+        text = os.read(self.master, 65536).decode("utf-8", "replace")
+        self.screen += re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text)
+
+
+def test_in_a_terminal(program, setup, tmp_path):
+    """A live picture whose lines do not run into each other, and no line broken inside a word."""
+    arguments = [program, "record", str(tmp_path / "survey"), *setup.arguments, "--no-solve"]
+    terminal = Terminal(arguments, 60, 24)
+    terminal.answer("antenna above the floor in m", "1.4")
+    terminal.answer("Enter records s01", "")
+    for _ in range(5):
+        terminal.answer("height of anchor", "2.4")
+    terminal.answer("Enter records s02", "q")
+    assert terminal.end() == 0
+    lines = re.split(r"[\r\n]+", terminal.screen)
+    bars = [line for line in lines if "━" in line]
+    assert bars
+    assert all(set(line.rstrip()) <= set("━╸╺ ") for line in bars)
+    assert any(re.match(r"lidar  25\d points a revolution, ", line) for line in lines)
+    assert max(map(len, (line for line in lines if "serial" in line or "rotation" in line))) <= 60
+    assert "rotation hz 02" in terminal.screen.replace("\r\n  ", " ")
+    assert "1 station in" in terminal.screen
+
+
+@pytest.mark.usefixtures("children_hear_signals")
+@pytest.mark.parametrize("lidar", ["sweep", "rplidar-c1-dense"])
+def test_without_instruments(program, run, pristine_survey, tmp_path, lidar):
+    """As the page on recording has it: one program plays the instruments, the other records them."""
+    ports, speed = tmp_path / "ports", str(SPEED)
+    with subprocess.Popen(
+        [program, "emulate", pristine_survey, "--ports", ports, "--lidar", lidar, "--speed", speed],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as emulator:
+        try:
+            told = [emulator.stdout.readline().split() for _ in range(2)]
+            assert told == [
+                ["lidar", f"{lidar}:{ports / lidar}"],
+                ["uwb", f"dwm1001:{ports / 'dwm1001'}"],
+            ]
+            done = subprocess.run(
+                [program, "record", tmp_path / "survey", "--lidar", told[0][1], "--uwb", told[1][1],
+                 "--seconds", "3", "--speed", speed, "--no-solve", "--tag-height-m", "1.4"],
+                input="\n" + 5 * "2.4\n" + "q\n", capture_output=True, text=True, timeout=60, check=False,
+            )  # fmt: skip
+        finally:
+            emulator.send_signal(signal.SIGINT)
+        assert emulator.wait(20.0) == 130
+    assert done.returncode == 0, done.stderr
+    (station,) = check_survey(tmp_path / "survey").survey.stations
+    assert station.complete
+    assert np.isfinite(station.scan.ranges).sum() > 1000

@@ -99,7 +99,11 @@ def test_what_is_not_placed_is_named(pristine_survey, capsys, monkeypatch, solve
     monkeypatch.setattr("slam_uwb.pipeline.solve_survey", lambda *_, **__: solution)
     survey_so_far.show_survey_so_far(pristine_survey, last.id)
     told = capsys.readouterr().out
-    assert f"station {last.id} not placed: disconnected; " in told
-    assert f"not placed: {last.id} (disconnected)" in told
+    assert f"station {last.id} not placed; " in told
+    assert f"not placed: {last.id} (disconnected: nothing holds it to the map)" in told
     assert told.count("  anchor ") == len(solved.anchors)
+    # Every anchor with the number of stations that hear it.
+    for anchor in solved.anchors:
+        heard = {k.station for k in solved.links if k.anchor == anchor.id}
+        assert f"  anchor {anchor.id}, heard at {len(heard)}: " in told
     assert "next (x in the map): " in told

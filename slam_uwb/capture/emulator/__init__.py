@@ -2,6 +2,7 @@
 
 from .dwm1001 import Dwm1001Emulator
 from .faults import Faults
+from .rplidar import RplidarEmulator
 from .sweep import SweepEmulator
 from .terminal import plugged_in
 from .tripod import Tripod, play_survey, radio_names
@@ -9,6 +10,7 @@ from .tripod import Tripod, play_survey, radio_names
 __all__ = [
     "Dwm1001Emulator",
     "Faults",
+    "RplidarEmulator",
     "SweepEmulator",
     "Tripod",
     "play_survey",

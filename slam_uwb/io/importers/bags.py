@@ -27,6 +27,8 @@ def read_bag(path: Path) -> tuple[Polar | None, dict[str, list[float]]]:
         SurveyFormatError: no bag, or neither kind of message in it.
         MissingLibraryError: rosbags is not installed.
     """
+    if not path.exists():
+        raise _fault(path, "no such file or folder")
     bearings, ranges, count = [], [], 0
     links: dict[str, list[float]] = {}
     for kind, message in _messages(path):

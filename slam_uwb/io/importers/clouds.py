@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model.errors import Fault, MissingLibraryError, SurveyFormatError
 from ...model.geometry import FloatArray
-from .scans import Polar
+from .scans import Polar, outside_band
 
 MAX_CLOUD_BYTES = 4_000_000_000
 _MAX_POINTS_PER_BYTE = 4
@@ -39,9 +39,7 @@ def read_cloud(path: Path, band: tuple[float, float]) -> Polar:
     ranges = np.hypot(level[:, 0], level[:, 1])
     level, ranges = level[ranges > 0.05], ranges[ranges > 0.05]
     if not len(level):
-        raise _fault(
-            path, f"none of {len(points):,} points has z from {band[0]:g} to {band[1]:g} m"
-        )
+        raise _fault(path, outside_band(len(points), band))
     bins = np.floor(np.arctan2(level[:, 1], level[:, 0]) / _STEP).astype(np.int64)
     order = np.lexsort([ranges, bins])
     first = order[np.unique(bins[order], return_index=True)[1]]

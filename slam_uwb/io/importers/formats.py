@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.errors import SlamUwbError
-from ...model.geometry import Pose2
+from ...model.errors import Fault, SlamUwbError, SurveyFormatError
+from ...model.geometry import FloatArray, Pose2
 from ...model.survey import (
     Anchor,
     AnchorId,
@@ -67,6 +67,10 @@ class _Gathered:
     links: dict[str, Links] = field(default_factory=dict)
     poses: dict[str, Pose2] = field(default_factory=dict)
 
+    def add_scan(self, path: Path, scan: Polar, max_range: float) -> None:
+        _require_returns(path, scan[1], max_range)
+        self.scans.setdefault(station_name(path), []).append(scan)
+
     def add_links(self, station: str, links: Links) -> None:
         known = self.links.setdefault(station, {})
         for anchor, distances in links.items():
@@ -93,13 +97,22 @@ def import_survey(
         SurveyFormatError: names file, line and field.
         SlamUwbError: an option is missing or a name cannot be a station's.
     """
+    for kind, path in ranges:
+        if kind not in RANGE_FORMATS:
+            raise SlamUwbError(
+                f"{path}: {kind!r} is no format of ranges (--ranges); there are: "
+                f"{', '.join(RANGE_FORMATS)}"
+            )
     gathered = _Gathered()
     for path in files:
         _read_into(gathered, form, path, options)
     for kind, path in ranges:
         _read_into(gathered, kind, path, options)
     if gathered.links and options.tag_height is None:
-        raise SlamUwbError("there are ranges: the height of the tag's antenna is needed")
+        raise SlamUwbError(
+            "there are ranges: the height of the tag's antenna above the floor is needed "
+            "(--tag-height-m)"
+        )
     return _survey(gathered, options), _reference(gathered.poses)
 
 
@@ -111,20 +124,22 @@ def _read_into(gathered: _Gathered, form: str, path: Path, options: ImportOption
             merge=options.merge,
             max_range=options.max_range,
         )
+        if not any(np.isfinite(ranges).any() for _, (_, ranges) in found):
+            problem = f"no return within {options.max_range:g} m (--max-range-m)"
+            raise SurveyFormatError([Fault(str(path), problem)])
         for pose, scan in found:
             name = f"s{len(gathered.scans) + 1:02d}"
             gathered.scans[name], gathered.poses[name] = [scan], pose
         return
     station = station_name(path)
     if form in _TEXT:
-        scan = _TEXT[form](read_source(path), options.band)
-        gathered.scans.setdefault(station, []).append(scan)
+        gathered.add_scan(path, _TEXT[form](read_source(path), options.band), options.max_range)
     elif form == "cloud":
-        gathered.scans.setdefault(station, []).append(read_cloud(path, options.band))
+        gathered.add_scan(path, read_cloud(path, options.band), options.max_range)
     elif form == "bag":
         samples, links = read_bag(path)
         if samples is not None:
-            gathered.scans.setdefault(station, []).append(samples)
+            gathered.add_scan(path, samples, options.max_range)
         if links:
             gathered.add_links(station, links)
     elif form == "ranges-csv":
@@ -134,6 +149,16 @@ def _read_into(gathered: _Gathered, form: str, path: Path, options: ImportOption
     else:
         known = ", ".join((*SCAN_FORMATS, *RANGE_FORMATS))
         raise SlamUwbError(f"unknown format {form!r}; there are: {known}")
+
+
+def _require_returns(path: Path, ranges: FloatArray, max_range: float) -> None:
+    """SurveyFormatError where a scan has no return that counts: it would be placed nowhere."""
+    met = int(np.isfinite(ranges).sum())
+    if met and not (ranges <= max_range).any():
+        problem = f"none of {met:,} returns is within {max_range:g} m (--max-range-m): are they in metres?"
+        raise SurveyFormatError([Fault(str(path), problem)])
+    if not met:
+        raise SurveyFormatError([Fault(str(path), "no return in it")])
 
 
 def _survey(gathered: _Gathered, options: ImportOptions) -> Survey:

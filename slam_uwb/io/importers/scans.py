@@ -25,7 +25,14 @@ def read_sweep_csv(content: FileContent, band: tuple[float, float]) -> Polar:
     table = _table(content, [*columns, Column("SIGNAL_STRENGTH", required=False)])
     x, y, z = (table.numbers[name] / 100.0 for name in ("X", "Y", "Z"))
     inside = (z >= band[0]) & (z <= band[1])
+    if not inside.any():
+        raise fault(content, None, "Z", outside_band(len(z), band))
     return polar(np.column_stack([x, y])[inside])
+
+
+def outside_band(number: int, band: tuple[float, float]) -> str:
+    """What is wrong where none of so many points lies in the band, m."""
+    return f"none of {number:,} points has z from {band[0]:g} to {band[1]:g} m (--band-m)"
 
 
 def polar(points: FloatArray) -> Polar:

@@ -25,7 +25,7 @@ def station_name(path: Path) -> str:
     stem = _ENDING.split(path.name, maxsplit=1)[0]
     if re.match(IDENTIFIER, stem) is None or not stem[0].isalnum():
         raise SlamUwbError(
-            f"{path.name}: the file's name is its station's: expected A-Z a-z 0-9 _ . -, a letter first"
+            f"{path.name}: the file's name is its station's: expected A-Z a-z 0-9 _ . -, a letter or digit first"
         )
     return stem
 

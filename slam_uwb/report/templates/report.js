@@ -5,14 +5,23 @@
   const home = plan.getAttribute("viewBox").split(" ").map(Number);
   let view = [...home];
 
+  // The map's frame in pixels. What is printed is laid out before the paper's is known: A4 within its margins.
+  let paper = false;
+  const frameOf = () => paper
+    ? { left: 0, top: 0, width: 700, height: Math.min(540, 700 * home[3] / home[2]) }
+    : plan.getBoundingClientRect();
+
   // Picture units a pixel: the drawing keeps its proportions, so the tighter side decides.
   const unit = () => {
-    const box = plan.getBoundingClientRect();
+    const box = frameOf();
     return Math.max(view[2] / Math.max(box.width, 1), view[3] / Math.max(box.height, 1));
   };
 
+  let arrangedAt = 0;
   const show = () => {
     const u = unit();
+    if (u !== arrangedAt) arrange(); // moving changes nothing
+    arrangedAt = u;
     plan.setAttribute("viewBox", view.join(" "));
     plan.classList.add("live");
     plan.style.setProperty("--unit", u);
@@ -20,7 +29,7 @@
     const room = 150 * u;
     const power = 10 ** Math.floor(Math.log10(room));
     const length = [5, 2, 1].map((k) => k * power).find((k) => k <= room);
-    const box = plan.getBoundingClientRect();
+    const box = frameOf();
     const left = view[0] + view[2] / 2 - (box.width / 2 - 14) * u;
     const low = view[1] + view[3] / 2 + (box.height / 2 - 14) * u;
     const scale = document.getElementById("scale");
@@ -29,6 +38,70 @@
     const text = scale.querySelector("text");
     text.setAttribute("transform", `scale(${u})`);
     text.textContent = length >= 100 ? `${length / 100} m` : `${length} cm`;
+  };
+
+  // Names stand where they cover least, to the upper right of their marks if they may: names of anchors
+  // first. A room's area is left out where something else stands: its row has it.
+  const MOST = 400; // marks; more are not legible anyway, and would make zooming slow
+  const covered = (box, taken) => taken.reduce((sum, other) => sum
+    + Math.max(0, Math.min(box[2], other[2]) - Math.max(box[0], other[0]))
+    * Math.max(0, Math.min(box[3], other[3]) - Math.max(box[1], other[1])), 0);
+  const placesOf = (r, width) => [
+    [r, -5, "start"], [r, 13, "start"], [-r, -5, "end"], [-r, 13, "end"],
+    [r + 3, 4, "start"], [-r - 3, 4, "end"], [0, -r - 4, "middle"], [0, r + 12, "middle"],
+  ].map(([x, y, side]) => {
+    const left = x - { start: 0, middle: width / 2, end: width }[side];
+    return { x, y, side, box: [left, y - 10, left + width, y + 2] };
+  });
+  const shifted = (box, [x, y]) => [box[0] + x, box[1] + y, box[2] + x, box[3] + y];
+  const placeNames = () => {
+    const u = unit();
+    const turned = (item) => item.transform.baseVal.consolidate().matrix;
+    const at = (item) => [turned(item).e / u, turned(item).f / u];
+    const rank = (item) => ["anchor", "station", "plan"].findIndex((kind) => item.classList.contains(kind));
+    const marks = [...plan.querySelectorAll("g:not(.off) > .mark")].sort((a, b) => rank(a) - rank(b));
+    if (marks.length > MOST) return;
+    const taken = [];
+    marks.forEach((mark) => {
+      taken.push(shifted([-6, -6, 6, 6], at(mark)));
+      const heading = mark.querySelector(".heading");
+      if (!heading) return;
+      const { a, b } = turned(heading);
+      taken.push(shifted([11 * a - 3, 11 * b - 3, 11 * a + 3, 11 * b + 3], at(mark)));
+    });
+    const frame = frameOf();
+    const [x, y] = [view[0] + view[2] / 2, view[1] + view[3] / 2];
+    const edges = [x / u - frame.width / 2, y / u - frame.height / 2, x / u + frame.width / 2, y / u + frame.height / 2];
+    const buttons = document.querySelector(".buttons").getBoundingClientRect();
+    const [dx, dy] = [edges[0] - frame.left, edges[1] - frame.top];
+    if (!paper) taken.push([buttons.left + dx, buttons.top + dy, buttons.right + dx, buttons.bottom + dy]);
+    const beyond = (box) => Math.max(0, edges[0] - box[0]) + Math.max(0, edges[1] - box[1])
+      + Math.max(0, box[2] - edges[2]) + Math.max(0, box[3] - edges[3]);
+    // All is measured before anything is changed: else the browser would measure anew for each.
+    const names = marks.map((mark) => mark.querySelector(".name")).filter(Boolean)
+      .map((name) => ({ name, mark: name.closest(".mark"), width: name.getComputedTextLength() }));
+    const rooms = [...plan.querySelectorAll(".room")]
+      .map((room) => ({ room, half: room.querySelector(".name").getComputedTextLength() / 2 }));
+    names.forEach(({ name, mark, width }) => {
+      const places = placesOf(mark.querySelector("circle") ? 6 : 9, width);
+      const costs = places.map((place, k) => {
+        const box = shifted(place.box, at(mark));
+        return covered(box, taken) + 15 * beyond(box) + 2 * k;
+      });
+      const best = places[costs.indexOf(Math.min(...costs))];
+      name.setAttribute("x", best.x);
+      name.setAttribute("y", best.y);
+      name.setAttribute("text-anchor", best.side);
+      taken.push(shifted(best.box, at(mark)));
+    });
+    rooms.forEach(({ room, half }) => {
+      room.classList.toggle("crowded", covered(shifted([-half, -10, half, 2], at(room)), taken) > 0);
+    });
+  };
+  let arranging = 0;
+  const arrange = () => {
+    cancelAnimationFrame(arranging);
+    arranging = requestAnimationFrame(placeNames);
   };
 
   // The place under a pixel of the window, in picture units.
@@ -129,7 +202,10 @@
   });
 
   document.querySelectorAll("input[data-layer]").forEach((box) => {
-    const apply = () => plan.querySelectorAll(`g[data-layer="${box.dataset.layer}"]`).forEach((layer) => layer.classList.toggle("off", !box.checked));
+    const apply = () => {
+      plan.querySelectorAll(`g[data-layer="${box.dataset.layer}"]`).forEach((layer) => layer.classList.toggle("off", !box.checked));
+      arrange();
+    };
     box.addEventListener("change", apply);
     apply(); // a reloaded page keeps its boxes
   });
@@ -161,6 +237,8 @@
     body.append(...rows);
   }));
 
+  window.addEventListener("beforeprint", () => { paper = true; show(); placeNames(); });
+  window.addEventListener("afterprint", () => { paper = false; show(); });
   new ResizeObserver(show).observe(plan);
   show();
 })();

@@ -260,6 +260,19 @@ def test_png_is_the_same_each_time_and_tells_no_version():
         assert min(image.size) > 600
 
 
+@pytest.mark.parametrize("wide", [True, False])
+def test_no_side_of_the_picture_is_an_empty_strip(wide):
+    """A floor much longer than wide, and one much wider than long: axes keep the proportions of either."""
+    cells = np.full((30, 400), 0.05)
+    floor_map = FloorMap(cells if wide else cells.T, 0.05, (0.0, 0.0))
+    drawn = figure_png(draw_solution(solution(STATIONS[:2], (), floor_map)))
+    with Image.open(io.BytesIO(drawn)) as image:
+        inked = np.asarray(image.convert("L")) < 250
+    for rows in (inked, inked[::-1], inked.T, inked.T[::-1]):
+        # Pixels before the first that is not white: 0.08 in at 150 dots an inch are 12.
+        assert int(rows.any(axis=1).argmax()) <= 16
+
+
 def test_a_name_is_text_and_no_formula():
     named = replace(solution((), ()), survey_name="$\\frac$ room" + " very long" * 50)
     figure = draw_solution(named)

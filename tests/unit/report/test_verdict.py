@@ -103,7 +103,19 @@ def test_swapped_identifiers_are_called_out_by_station_and_anchors(make_solution
     ]
     verdict = judge(make_solution(links=tuple(links)))
     assert verdict.level is Level.USABLE
-    assert "at station s2 the ranges of anchors A and B are swapped" in texts(verdict)
+    (finding,) = verdict.findings
+    assert "at station s2 the ranges of anchors A and B look swapped" in finding.text
+    assert "exchange A and B in its rows of ranges.csv" in finding.advice
+
+
+def test_two_pairs_swapped_at_one_station_are_two_findings(make_solution, make_link):
+    reason = "fits anchor {}: identifiers swapped at this station"
+    other = {"A": "B", "B": "A", "C": "D", "D": "C"}
+    links = [make_link("s1", name, rejection=reason.format(other[name])) for name in other]
+    found = texts(judge(make_solution(links=tuple(links))))
+    assert "anchors A and B look swapped" in found
+    assert "anchors C and D look swapped" in found
+    assert "A and C" not in found
 
 
 def test_lost_stations_are_named_and_most_of_them_lost_is_measured_again(make_solution):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from slam_uwb.capture.frames import rplidar
-from slam_uwb.capture.samples import Carry
+from slam_uwb.capture.samples import Carry, lidar_samples
 
 
 def node(start, quality, degrees, millimetres):
@@ -102,6 +102,29 @@ def test_dense_example():
     samples = rplidar.decode_dense(stream, Carry(), last=True).samples
     assert 360.0 - np.rad2deg(samples.bearings[:2]) == pytest.approx([350.0, 350.2156], abs=1e-3)
     assert samples.ranges[:2].tolist() == [2.0, 2.001]
+
+
+def test_dense_capsules_of_a_recording_are_those_of_the_notes():
+    """350 degrees clockwise is 10 counter-clockwise; played backwards, the last sample comes first."""
+    degrees = np.array([350.0 + 0.216 * k for k in range(80)])[::-1]
+    metres = np.array([2.0 + 0.001 * k for k in range(80)])[::-1].copy()
+    metres[5] = np.nan
+    samples = lidar_samples(degrees, metres, np.zeros(80), np.zeros(0, int), clockwise=True)
+    sent = rplidar.encode_dense(samples)
+    assert len(sent) == 2 * rplidar.CAPSULE
+    # As test_dense_example, but marked as the first after a reset: bit 15 changes byte 3 and the check.
+    assert sent[2:8] == bytes.fromhex("80 d7 d0 07 d1 07")
+    found = rplidar.decode_dense(sent, Carry(), last=True).samples
+    # A sixty-fourth of a degree is the capsules' step: half of one at either end.
+    turned = np.rad2deg(found.bearings - samples.bearings[::-1][:40])
+    assert np.abs((turned + 180.0) % 360.0 - 180.0).max() < 1.01 / 64
+    assert found.ranges == pytest.approx(metres[::-1][:40])
+    assert (
+        rplidar.encode_dense(
+            lidar_samples(degrees[:39], metres[:39], metres[:39], np.zeros(0, int))
+        )
+        == b""
+    )
 
 
 def turning(number):
