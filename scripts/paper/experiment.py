@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -58,16 +59,18 @@ def solved(made: Simulation, settings: Settings) -> Solution | None:
 
 
 def scores(made: Simulation, solution: Solution | None) -> dict[str, Any]:
-    """Errors of the anchors that are `ok`, by name, and counts."""
+    """Errors of the anchors that are `ok`, by name, as far as any are known, and counts."""
     if solution is None:
         return {"rmse": None, "rmse_placed": None, "errors": {}, "stations_ok": 0, "nees": None}
     evaluation = evaluate_solution(solution, made.reference)
     nees, dof = evaluation.anchors.ok_nees
     ok = [item for item in evaluation.anchors.items if item.status is Status.OK]
+    # Fewer than two stations align nothing: no error is known then.
+    known = [item for item in ok if math.isfinite(item.error)]
     return {
         "rmse": evaluation.anchors.ok_errors.rmse,
         "rmse_placed": evaluation.anchors.placed_errors.rmse,
-        "errors": {item.id: item.error for item in ok},
+        "errors": {item.id: item.error for item in known},
         "stations_ok": sum(i.status is Status.OK for i in evaluation.stations.items),
         "station_rmse": evaluation.stations.ok_errors.rmse,
         "nees": nees / dof if dof else None,

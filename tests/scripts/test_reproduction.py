@@ -4,12 +4,17 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+from slam_uwb import solve_survey
+from slam_uwb.model.solution import Status
+from slam_uwb.simulate import Lidar, simulate_survey
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 LIGHT = 299_792_458.0
@@ -18,7 +23,7 @@ LIGHT = 299_792_458.0
 @pytest.fixture
 def paper(monkeypatch):
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    modules = ("eq_ranging", "fig4", "page", "run")
+    modules = ("eq_ranging", "experiment", "fig4", "page", "run")
     return SimpleNamespace(**{name: import_module(f"paper.{name}") for name in modules})
 
 
@@ -72,6 +77,23 @@ def test_what_is_not_known_is_null_and_left_out_of_medians(paper, run):
     assert run.interval([0.1, None, 0.3]).count == 2
     assert paper.run.shown(run.interval([])) == "none"
     assert paper.run.shown(run.interval([np.nan, 0.25])) == "0.25 m"
+
+
+def test_errors_of_anchors_that_nothing_aligns_are_not_known(paper):
+    """Of the paper as printed one station may be left: ok, as its anchors are, and no frame to compare in."""
+    made = simulate_survey("flat", 2, lidar=Lidar(duration=2.0, upper_duration=0.0))
+    solution = solve_survey(made.survey)
+    known = paper.experiment.scores(made, solution)["errors"]
+    assert known
+    assert all(map(math.isfinite, known.values()))
+    first, *others = solution.stations
+    alone = (
+        first,
+        *(replace(s, status=Status.DISCONNECTED, pose=None, covariance=None) for s in others),
+    )
+    scores = paper.experiment.scores(made, replace(solution, stations=alone))
+    assert scores["stations_ok"] == 1
+    assert scores["errors"] == {}
 
 
 def test_tables_over_seeds_do_not_depend_on_the_number_of_processes(tmp_path):
