@@ -24,6 +24,7 @@ from .matching import (
     select_matches,
 )
 from .model.errors import DisconnectedSurveyError, SlamUwbError
+from .model.floor import FloorMap, FloorPlan
 from .model.frame_change import (
     Alignment,
     DrawnPlan,
@@ -50,7 +51,7 @@ from .model.settings import (
     ScanSettings,
     Settings,
 )
-from .model.solution import DecisionOutcome, FloorMap, FloorPlan, GraphEstimate, Solution
+from .model.solution import DecisionOutcome, GraphEstimate, Solution
 from .model.survey import Scan, StationId, Survey
 from .ranging import (
     decide_links,

@@ -9,8 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ..model.floor import FloorMap
     from ..model.geometry import Vector2
-    from ..model.solution import FloorMap, Solution
+from ..model.solution import Solution
 
 
 def draw_text_map(

@@ -9,8 +9,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.floor import FloorMap
 from ..model.geometry import Grid
-from ..model.solution import FloorMap
 
 OCCUPIED_THRESHOLD = 0.65
 FREE_THRESHOLD = 0.196

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ..model.errors import Fault, SettingsError, SurveyFormatError
+from ..model.floor import FloorMap, FloorPlan, Room, Wall
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import LinkMeasurement, ScanMatch
 from ..model.settings import settings_from_mapping
@@ -18,14 +19,10 @@ from ..model.solution import (
     Bias,
     Continuation,
     DecisionOutcome,
-    FloorMap,
-    FloorPlan,
     Move,
-    Room,
     Solution,
     SolverChecks,
     StationEstimate,
-    Wall,
 )
 from ..model.survey import AnchorId, Decision, Scan, StationId
 from . import solution_document as doc

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ..model.floor import FloorMap, FloorPlan
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import LinkMeasurement, ScanMatch
 from ..model.solution import (
@@ -13,8 +14,6 @@ from ..model.solution import (
     Bias,
     Continuation,
     DecisionOutcome,
-    FloorMap,
-    FloorPlan,
     Solution,
     SolverChecks,
     StationEstimate,

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..model.errors import SlamUwbError, SurveyFormatError
-from ..model.solution import FloorMap, Solution
+from ..model.floor import FloorMap
+from ..model.solution import Solution
 from .files import FolderReader
 from .findings import Findings
 from .floor_map_files import ros_map

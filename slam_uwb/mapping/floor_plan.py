@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.floor import FloorMap, FloorPlan, Wall
 from ..model.geometry import FloatArray, Points
 from ..model.products import WallPieces
 from ..model.settings import MappingSettings
-from ..model.solution import FloorMap, FloorPlan, Wall
 from .rooms import directions, door_gaps, find_rooms, places_along
 
 _OPPOSITE = math.cos(math.radians(175.0))

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from ..model.floor import FloorMap
 from ..model.geometry import FloatArray, Points, Pose2
 from ..model.products import PreparedScan
 from ..model.settings import MappingSettings
-from ..model.solution import FloorMap
 from ..model.survey import StationId
 from .ragged import ragged
 

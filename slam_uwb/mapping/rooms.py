@@ -18,10 +18,10 @@ from shapely import LineString, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from ..model.floor import FloorMap, Room
 from ..model.geometry import FloatArray, Points
 from ..model.products import WallPieces
 from ..model.settings import MappingSettings
-from ..model.solution import FloorMap, Room
 
 _SEEN_SHARE = 0.3
 """Share of a room's area that was seen; less is a shaft, a wall's inside or somebody else's room."""

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .errors import SlamUwbError
+from .floor import FloorMap
 from .geometry import FloatArray, Grid, Points, Pose2, rotation_matrix
-from .solution import Alternative, AnchorEstimate, FloorMap, GraphEstimate, StationEstimate
+from .solution import Alternative, AnchorEstimate, GraphEstimate, StationEstimate
 
 
 def change_frame(estimate: GraphEstimate, new_T_world: Pose2) -> GraphEstimate:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ..model.floor import OCCUPIED_ABOVE, FloorMap
 from ..model.geometry import FloatArray, Points
-from ..model.solution import OCCUPIED_ABOVE, FloorMap
 
 _RAYS = 90
 _MOST_PLACES = 2000

@@ -18,8 +18,9 @@ from matplotlib.ticker import MaxNLocator
 
 from ..evaluate import Evaluation, evaluate_solution
 from ..evaluate.estimates import Estimate, anchor_estimates, station_estimates
+from ..model.floor import FloorMap
 from ..model.geometry import Points
-from ..model.solution import FloorMap, Solution, Status
+from ..model.solution import Solution, Status
 from ..model.survey import Reference
 from .labels import Label, place_labels
 from .marks import (

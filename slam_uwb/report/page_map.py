@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..evaluate.estimates import Estimate, anchor_estimates, station_estimates
+from ..model.floor import FloorMap
 from ..model.geometry import FloatArray
 from ..model.products import LinkMeasurement
-from ..model.solution import FloorMap, Solution, Status
+from ..model.solution import Solution, Status
 from ..planning import Suggestion
 from .page_shapes import (
     UNITS_A_METRE,

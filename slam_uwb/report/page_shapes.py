@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..model.floor import FloorMap, FloorPlan
 from ..model.geometry import FloatArray, Points
-from ..model.solution import FloorMap, FloorPlan
 from .room_names import roomiest_place
 
 if TYPE_CHECKING:

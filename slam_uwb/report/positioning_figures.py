@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from ..evaluate import ecdf
+from ..model.floor import FloorMap
 from ..model.geometry import Points
-from ..model.solution import FloorMap
 from .figures import draw_floor_map
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

@@ -16,6 +16,7 @@ from slam_uwb.io import read_settings, read_solution, write_solution
 from slam_uwb.io.floor_map_files import unpack
 from slam_uwb.io.solution_document import solution_schema
 from slam_uwb.model.errors import SlamUwbError, SurveyFormatError
+from slam_uwb.model.floor import FloorMap
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import LinkMeasurement, ScanMatch
 from slam_uwb.model.settings import PRESETS
@@ -24,7 +25,6 @@ from slam_uwb.model.solution import (
     AnchorEstimate,
     Bias,
     Continuation,
-    FloorMap,
     Move,
     Solution,
     SolverChecks,

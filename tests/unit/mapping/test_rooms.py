@@ -9,10 +9,10 @@ from shapely import Polygon
 
 from slam_uwb.mapping import build_floor_map, build_floor_plan, find_walls
 from slam_uwb.mapping.rooms import door_gaps, find_rooms
+from slam_uwb.model.floor import FloorMap
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import WallPieces
 from slam_uwb.model.settings import MappingSettings, Settings
-from slam_uwb.model.solution import FloorMap
 from slam_uwb.scan import prepare_scan
 from slam_uwb.simulate import simulate_survey
 

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from slam_uwb.model.floor import FloorMap
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import LinkMeasurement
 from slam_uwb.model.solution import (
     AnchorEstimate,
     DecisionOutcome,
-    FloorMap,
     GraphEstimate,
     StationEstimate,
     Status,

@@ -5,19 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from slam_uwb.model.floor import FloorMap, FloorPlan, Wall
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import LinkMeasurement
 from slam_uwb.model.settings import PlanningSettings, Settings
-from slam_uwb.model.solution import (
-    Alternative,
-    AnchorEstimate,
-    FloorMap,
-    FloorPlan,
-    Solution,
-    StationEstimate,
-    Status,
-    Wall,
-)
+from slam_uwb.model.solution import Alternative, AnchorEstimate, Solution, StationEstimate, Status
 from slam_uwb.planning import suggest_stations
 from slam_uwb.planning.belief import build_beliefs
 from slam_uwb.planning.radio import hearing_probability, link_budget

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slam_uwb.model.floor import FloorMap
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import LinkMeasurement, ScanMatch
 from slam_uwb.model.settings import Settings
@@ -17,7 +18,6 @@ from slam_uwb.model.solution import (
     Alternative,
     AnchorEstimate,
     Bias,
-    FloorMap,
     Solution,
     SolverChecks,
     StationEstimate,

@@ -13,16 +13,10 @@ from matplotlib.patches import Ellipse
 from PIL import Image
 
 from slam_uwb.evaluate import evaluate_solution
+from slam_uwb.model.floor import FloorMap
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.settings import Settings
-from slam_uwb.model.solution import (
-    Alternative,
-    AnchorEstimate,
-    FloorMap,
-    Solution,
-    StationEstimate,
-    Status,
-)
+from slam_uwb.model.solution import Alternative, AnchorEstimate, Solution, StationEstimate, Status
 from slam_uwb.model.survey import Reference, ReferencePlace
 from slam_uwb.report import draw_solution, figure_png
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slam_uwb.model.solution import FloorMap
+from slam_uwb.model.floor import FloorMap
 from slam_uwb.report import draw_distributions, draw_static_tags, draw_walk, figure_png
 
 TRUTH = {"p1": np.array([0.0, 0.0]), "p2": np.array([4.0, 3.0])}

@@ -19,20 +19,11 @@ from shapely.geometry import shape
 from slam_uwb.io.exporters import ANCHOR_EXPORTERS, EXPORTERS, export_solution
 from slam_uwb.io.exporters.anchors import left_out
 from slam_uwb.model.errors import SlamUwbError
+from slam_uwb.model.floor import FloorMap, FloorPlan, Room, Wall
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.products import LinkMeasurement, ScanMatch
 from slam_uwb.model.settings import Settings
-from slam_uwb.model.solution import (
-    AnchorEstimate,
-    Bias,
-    FloorMap,
-    FloorPlan,
-    Room,
-    Solution,
-    StationEstimate,
-    Status,
-    Wall,
-)
+from slam_uwb.model.solution import AnchorEstimate, Bias, Solution, StationEstimate, Status
 from slam_uwb.model.survey import Scan
 
 MAP = np.full((4, 6), np.nan)
