@@ -13,7 +13,7 @@ from ..model.geometry import FloatArray, Points, rotation_matrix
 from ..model.products import PreparedScan
 from ..model.settings import MatchingSettings
 from .directions import aligning_turn, certain_normals
-from .spectra import Spectra, grid_spectra
+from .spectra import Spectra, scan_spectra
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -111,7 +111,7 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
         table=table,
         table_origin=origin,
         tree=cKDTree(table_columns[:2].T),
-        spectra=grid_spectra(scan, turn, settings),
+        spectra=scan_spectra(scan, turn, settings),
     )
 
 
