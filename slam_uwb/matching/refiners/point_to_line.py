@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -20,9 +19,12 @@ from .refinement import Refinement
 _SAME_FACE = 0.5  # least cosine between the normals of partners
 _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone less than 0.007
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
-_COARSE_GATES_M = (0.6, 0.45, 0.3, 0.3)
+_COARSE_GATES_M = (0.4, 0.3)
+_COARSE_SCALE = 0.3  # of the gate: the loss of walls that only happen to lie within it
 _COARSE = 3  # every third point is enough to find the basin
-_PROMISING = 0.3  # of the evidence that a hypothesis needs in the end
+_FINE = 2  # every second point, to tell whether it was left
+_PROMISING = 0.5  # of the evidence that a hypothesis needs in the end
+_LOST_M = 0.3  # of evidence that the fine stage may lose to rounding and to walls that give way
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
 _LEAST_PARTNERS = 3  # residuals that a pose takes
 _SHRINK = 0.6
@@ -38,31 +40,62 @@ def refine_point_to_line(
 ) -> Refinement:
     """Move poses target_T_source (K, 3) until the points of each scan lie on the walls of the other.
 
-    Stages: every third point within 0.6 and 0.3 m, one way, to reach the basin; then all points
+    Stages: every third point within 0.4 and 0.3 m, one way, to reach the basin; then all points
     within `fine_gate_m`, both ways, with a Cauchy loss; at last the loss takes the scale of the
     residuals themselves, so that points without a partner (clutter, doors) lose their pull as the
     walls come together.
+
+    Lines do not know of free space. Where scans share little, what they do share may leave a
+    direction to clutter, and the pose slides until walls stand where the other scan looked through.
+    No stage may therefore lose evidence: where it would, the pose stays as it was before.
 
     Between the stages, candidates that have become one and those with the least evidence are
     dropped.
 
     Returns:
-        J <= K refined poses; one has converged if its last step was shorter than 2 cm and 1 degree
-        and at least three points, which a pose needs, have partners.
+        J <= K refined poses; one has converged if at least three points, which a pose needs, have
+        partners, and its last step was shorter than 2 cm and 1 degree or led away from evidence.
     """
-    poses = np.array(initial, dtype=np.float64).reshape(-1, 3)
+    starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
+    poses = starts
     for gate in _COARSE_GATES_M:
         poses, _, _ = _step(
-            target, source, poses, gate=gate, scale=0.5 * gate, stride=_COARSE, both_ways=False
-        )
-    evidence = score_matches(target, source, poses, settings, _COARSE).evidence
+            target, source, poses, gate=gate, scale=_COARSE_SCALE * gate, stride=_COARSE,
+            both_ways=False,
+        )  # fmt: skip
+    before, after = _evidence(target, source, starts, poses, settings, _COARSE)
+    poses, evidence = _where(after < before, starts, poses), np.maximum(before, after)
     # What confirms next to nothing now confirms nothing in the end; right matches have twice that.
     least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
     poses, evidence = poses[evidence >= least], evidence[evidence >= least]
-    best = distinct(poses, evidence, settings.hypotheses + settings.hypotheses // 2)
-    fine = polish(target, source, poses[best], settings)
-    steps = None if fine.iterations is None else fine.iterations + len(_COARSE_GATES_M)
-    return replace(fine, iterations=steps)
+    poses = poses[distinct(poses, evidence, settings.hypotheses)]
+    fine = polish(target, source, poses, settings)
+    before, after = _evidence(target, source, poses, fine.poses, settings, _FINE)
+    lost = after < before - _LOST_M
+    return Refinement(
+        _where(lost, poses, fine.poses),
+        fine.converged | lost,
+        None if fine.iterations is None else fine.iterations + len(_COARSE_GATES_M),
+    )
+
+
+def _evidence(
+    target: ScanIndex,
+    source: ScanIndex,
+    before: FloatArray,
+    after: FloatArray,
+    settings: MatchingSettings,
+    stride: int,
+) -> tuple[FloatArray, FloatArray]:
+    """(K,) evidence of poses (K, 3) before and after a stage."""
+    poses = np.concatenate([before, after])
+    evidence = score_matches(target, source, poses, settings, stride).evidence
+    return evidence[: len(before)], evidence[len(before) :]
+
+
+def _where(chosen: NDArray[np.bool_], poses: FloatArray, others: FloatArray) -> FloatArray:
+    """(K, 3) the poses that are chosen (K,), the others elsewhere."""
+    return np.where(chosen[:, None], poses, others)
 
 
 def polish(

@@ -180,7 +180,7 @@ def test_steps_are_counted(view, room, settings):
     index = view("a", room, Pose2(2.0, 1.5, 0.5))
     start = np.array([[0.05, 0.02, 0.01]])
     assert polish(index, index, start, settings).iterations.tolist() == [6]
-    assert refine_point_to_line(index, index, start, settings).iterations.tolist() == [4 + 6]
+    assert refine_point_to_line(index, index, start, settings).iterations.tolist() == [2 + 6]
     assert 6 < polish(index, index, start, settings, until_still=True).iterations[0] <= 30
 
 
