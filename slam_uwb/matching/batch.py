@@ -33,9 +33,11 @@ def invert(poses: FloatArray) -> FloatArray:
 def adjoints(poses: FloatArray) -> FloatArray:
     """(K, 3, 3) adjoint of each row; see `Pose2.adjoint`."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    rows = [[c, -s, poses[:, 1]], [s, c, -poses[:, 0]], [zero, zero, one]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+    found = np.zeros((len(poses), 3, 3))
+    found[:, 0, 0], found[:, 0, 1], found[:, 0, 2] = c, -s, poses[:, 1]
+    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = s, c, -poses[:, 0]
+    found[:, 2, 2] = 1.0
+    return found
 
 
 def transform(poses: FloatArray, points: FloatArray) -> FloatArray:

@@ -69,9 +69,11 @@ def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
     Peaks of the correlated histograms of wall directions. Where all walls stand at right angles
     these are the quarter turns, and there is nothing further.
     """
+    from scipy.ndimage import maximum_filter1d
+
     agreement = np.fft.irfft(target.directions * source.directions.conj(), DIRECTIONS)
-    around = [np.roll(agreement, k) for k in range(-_PEAK_BINS, _PEAK_BINS + 1) if k]
-    peak = (agreement >= np.max(around, axis=0)) & (agreement > _PEAK_SHARE * agreement.max())
+    highest = maximum_filter1d(agreement, 2 * _PEAK_BINS + 1, mode="wrap")
+    peak = (agreement >= highest) & (agreement > _PEAK_SHARE * agreement.max())
     beyond = np.flatnonzero(peak) * (2.0 * math.pi / DIRECTIONS)
     quarter = 0.5 * math.pi
     off = np.abs(np.remainder(beyond + 0.5 * quarter, quarter) - 0.5 * quarter)

@@ -70,8 +70,13 @@ class ScanIndex:
     def free_range(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """(...,) metres the scanner looked through towards the places (x, y) in table axes; 0 = unknown."""
         count = len(self.scan.free_ranges)
-        sector = (np.arctan2(y, x) + (self.table_turn + math.pi)) * (count / (2.0 * math.pi))
-        return self.scan.free_ranges.take(np.floor(sector).astype(np.int32) % count)
+        sectors = count / (2.0 * math.pi)
+        sector = np.arctan2(y, x)
+        # A whole turn more than needed keeps the number positive, so that it may be cut off.
+        first = math.remainder(self.table_turn, 2.0 * math.pi) + 3.0 * math.pi
+        sector += first
+        sector *= sectors
+        return self.scan.free_ranges.take(sector.astype(np.int32), mode="wrap")
 
 
 def _cells(coordinate: FloatArray, origin: float, count: int) -> NDArray[np.int32]:

@@ -56,16 +56,21 @@ def pair_points(
     y += (ca * poses[:, 1] - sa * poses[:, 0])[:, None]
     partner = target.nearest_by_search(x, y) if exact else target.nearest_in_table(x, y)
     target_x, target_y, target_nx, target_ny = target.table_columns
-    dx, dy = x - target_x.take(partner), y - target_y.take(partner)
+    dx, dy = target_x.take(partner), target_y.take(partner)
+    np.subtract(x, dx, out=dx)
+    np.subtract(y, dy, out=dy)
     nx, ny = target_nx.take(partner), target_ny.take(partner)
-    normal_x, normal_y = c * nx + s * ny, c * ny - s * nx
+    across = nx * dx
+    across += ny * dy
+    dx *= dx
+    dy *= dy
+    dx += dy
+    normal_x, normal_y = c * nx, c * ny
+    normal_x += s * ny
+    normal_y -= s * nx
+    facing = normal_x * normals_x
+    facing += normal_y * normals_y
     return Pairing(
-        partner=partner,
-        x=x,
-        y=y,
-        across=nx * dx + ny * dy,
-        squared=dx * dx + dy * dy,
-        normal_x=normal_x,
-        normal_y=normal_y,
-        facing=normal_x * normals_x + normal_y * normals_y,
-    )
+        partner=partner, x=x, y=y, across=across, squared=dx, normal_x=normal_x, normal_y=normal_y,
+        facing=facing,
+    )  # fmt: skip

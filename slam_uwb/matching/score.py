@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
@@ -42,23 +43,23 @@ def point_evidence(
 ) -> PointEvidence:
     """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3)."""
     pairing = pair_points(target, source, poses, stride=stride)
-    across = np.abs(pairing.across)
     near = pairing.squared < _NEAR_M**2
-    hit = np.where(
-        near & (pairing.facing > _AGREE) & (across < _HIT_M),
-        1.0 / (1.0 + (across / _HIT_SCALE_M) ** 2),
-        0.0,
-    )
-    depth = (
-        target.free_range(pairing.x, pairing.y)
-        - settings.free_space_margin_m
-        - np.hypot(pairing.x, pairing.y)
-    )
+    squared = pairing.across * pairing.across
+    confirmed = (pairing.facing > _AGREE) & (squared < _HIT_M**2)
+    confirmed &= near
+    squared *= 1.0 / _HIT_SCALE_M**2
+    squared += 1.0
+    hit = confirmed / squared
+    depth = target.free_range(pairing.x, pairing.y)
+    depth -= np.sqrt(pairing.x * pairing.x + pairing.y * pairing.y)
     # Ramp: just inside the free space a wall's roughness or a small rotation error is enough of an
     # explanation.
-    through = np.where(near, 0.0, np.clip(depth / settings.free_space_margin_m, 0.0, 1.0))
+    depth *= 1.0 / settings.free_space_margin_m
+    depth -= 1.0
+    through = np.minimum(np.maximum(depth, 0.0, out=depth), 1.0, out=depth)
     # Clutter is seen from here and missed from there: walls alone contradict.
-    through = through * source.scan.on_wall[::stride]
+    through *= source.scan.on_wall[::stride]
+    through *= ~near
     return PointEvidence(hit, through)
 
 
@@ -74,6 +75,12 @@ class Scores:
     """m of wall that both scans show."""
     evidence: FloatArray
     """(K,) m, confirmed minus `violation_weight` times looked through."""
+
+    def of(self, chosen: NDArray[np.intp]) -> Scores:
+        """Those of some of the poses, by their numbers."""
+        return Scores(
+            self.confirmed[chosen], self.through[chosen], self.total, self.evidence[chosen]
+        )
 
 
 def score_matches(

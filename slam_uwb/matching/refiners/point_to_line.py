@@ -59,10 +59,8 @@ def refine_point_to_line(
     starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
     poses = starts
     for gate in _COARSE_GATES_M:
-        poses, _, _ = _step(
-            target, source, poses, gate=gate, scale=_COARSE_SCALE * gate, stride=_COARSE,
-            both_ways=False,
-        )  # fmt: skip
+        rows = correspondences(target, source, poses, gate=gate, stride=_COARSE)
+        poses = compose(poses, _step(*normal_equations(rows, _COARSE_SCALE * gate)))
     before, after = _evidence(target, source, starts, poses, settings, _COARSE)
     poses, evidence = _where(after < before, starts, poses), np.maximum(before, after)
     # What confirms next to nothing now confirms nothing in the end; right matches have twice that.
@@ -113,15 +111,16 @@ def polish(
     """
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         scale = _fine_scale(iteration)
-        poses, step, used_scale = _step(
-            target, source, poses, gate=settings.fine_gate_m, scale=scale, stride=1, both_ways=True,
-            exact=until_still,
-        )  # fmt: skip
+        look_up = partial(correspondences, gate=settings.fine_gate_m, exact=until_still)
+        forth, back = look_up(target, source, poses), look_up(source, target, invert(poses))
+        used_scale = np.maximum(scale, _own_scale(forth, back))
+        step = _step(*_both_ways(forth, back, poses, used_scale))
+        poses = compose(poses, step)
         # Still under a scale that is yet to shrink is not the end.
         if (_are_still(step, used_scale) & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
-    partners = partner_count(target, source, poses, settings.fine_gate_m)
+    partners = np.count_nonzero(forth.weight, axis=1)
     converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=1)
     return Refinement(poses, converged, np.full(len(poses), iteration + 1))
 
@@ -142,41 +141,33 @@ def _are_still(step: FloatArray, scale: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(moved < np.maximum(_STILL, _STILL_SHARE * scale))
 
 
-def _step(
-    target: ScanIndex,
-    source: ScanIndex,
-    poses: FloatArray,
-    *,
-    gate: float,
-    scale: float,
-    stride: int,
-    both_ways: bool,
-    exact: bool = False,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """One Gauss-Newton step of every pose: poses (K, 3), steps in the source's axes, scales of the loss (K, 1)."""
-    look_up = partial(correspondences, gate=gate, stride=stride, exact=exact)
-    forth = look_up(target, source, poses)
-    back = look_up(source, target, invert(poses)) if both_ways else None
-    loss_scale = np.full((len(poses), 1), scale)
-    if back is not None:
-        loss_scale = np.maximum(scale, _own_scale(forth, back))
+def _step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
+    """(K, 3) steps in the source's axes of normal equations (K, 3, 3), (K, 3)."""
+    return limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
+
+
+def _both_ways(
+    forth: Correspondences, back: Correspondences, poses: FloatArray, loss_scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Hessians (K, 3, 3) and gradients (K, 3) of both scans' points, in the source's axes."""
     hessian, gradient = normal_equations(forth, loss_scale)
-    if back is not None:
-        # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
-        adjoint = adjoints(poses)
-        back_hessian, back_gradient = normal_equations(back, loss_scale)
-        transposed = np.swapaxes(adjoint, 1, 2)
-        hessian = hessian + transposed @ back_hessian @ adjoint
-        gradient = gradient - (transposed @ back_gradient[:, :, None])[:, :, 0]
-    step = limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
-    return compose(poses, step), step, loss_scale
+    # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
+    back_hessian, back_gradient = normal_equations(back, loss_scale)
+    adjoint = adjoints(poses)
+    transposed = np.swapaxes(adjoint, 1, 2)
+    hessian += transposed @ back_hessian @ adjoint
+    gradient -= (transposed @ back_gradient[:, :, None])[:, :, 0]
+    return hessian, gradient
 
 
 def normal_equations(
     rows: Correspondences, loss_scale: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
     """Hessians (K, 3, 3) and gradients (K, 3) under a Cauchy loss, of one scale or scales (K, 1), m."""
-    weight = rows.weight / (1.0 + (rows.residual / loss_scale) ** 2)
+    loss = rows.residual / loss_scale
+    loss *= loss
+    loss += 1.0
+    weight = np.divide(rows.weight, loss, out=loss)
     weighted = np.swapaxes(rows.jacobian, 1, 2) * weight[:, None, :]
     return weighted @ rows.jacobian, (weighted @ rows.residual[:, :, None])[:, :, 0]
 
@@ -186,9 +177,12 @@ def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
 
     Damping keeps a direction that only the noise of normals holds (a corridor's axis) where it is.
     """
-    translation = hessian[:, 0, 0] + hessian[:, 1, 1]
-    damping = _DAMPING * np.stack([translation, translation, hessian[:, 2, 2]], axis=1) + 1e-12
-    damped = hessian + damping[:, :, None] * np.eye(3)
+    damped = hessian.copy()
+    diagonal = damped.reshape(-1, 9)[:, ::4]
+    damping = _DAMPING * diagonal
+    damping[:, :2] = damping[:, :1] + damping[:, 1:2]
+    diagonal += damping
+    diagonal += 1e-12
     return np.asarray(-np.linalg.solve(damped, gradient[:, :, None])[:, :, 0])
 
 
@@ -226,11 +220,12 @@ def correspondences(
     # Rows are kept component by component: products over the points run along memory.
     jacobian = np.empty((len(poses), 3, len(points_x)))
     jacobian[:, 0], jacobian[:, 1] = pairing.normal_x, pairing.normal_y
-    jacobian[:, 2] = pairing.normal_y * points_x - pairing.normal_x * points_y
+    jacobian[:, 2] = pairing.normal_y * points_x
+    jacobian[:, 2] -= pairing.normal_x * points_y
     # The two faces of a wall lie within the gate; normals that face apart tell them from each other.
     close = (pairing.squared < gate * gate) & (pairing.facing > _SAME_FACE)
     close &= target.reliable.take(pairing.partner)
-    weight = np.where(close, source.scan.lengths[::stride], 0.0)
+    weight = close * source.scan.lengths[::stride]
     return Correspondences(pairing.across, np.swapaxes(jacobian, 1, 2), weight, pairing.partner)
 
 
@@ -244,13 +239,12 @@ def partner_count(
 
 def _own_scale(forth: Correspondences, back: Correspondences) -> FloatArray:
     """(K, 1) Cauchy scale from the median absolute residual within the gate, at most the coarse one."""
-    masked = np.concatenate(
-        [np.where(rows.weight > 0.0, np.abs(rows.residual), np.inf) for rows in (forth, back)],
-        axis=1,
-    )
-    masked.sort(axis=1)
-    count = np.isfinite(masked).sum(axis=1)
-    row = np.arange(len(masked))
-    middle = 0.5 * (masked[row, np.maximum(count - 1, 0) // 2] + masked[row, count // 2])
+    sizes = np.abs(np.concatenate([forth.residual, back.residual], axis=1))
+    paired = np.concatenate([forth.weight, back.weight], axis=1) > 0.0
+    sizes[~paired] = np.inf
+    sizes.sort(axis=1)
+    count = np.count_nonzero(paired, axis=1)
+    row = np.arange(len(sizes))
+    middle = 0.5 * (sizes[row, np.maximum(count - 1, 0) // 2] + sizes[row, count // 2])
     middle[count == 0] = _CAUCHY_M
     return np.asarray(np.clip(2.0 * 1.4826 * middle, _SCALE_FLOOR_M, _CAUCHY_M)[:, None])
