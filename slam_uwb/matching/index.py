@@ -54,14 +54,21 @@ class ScanIndex:
     tree: cKDTree
     spectra: Spectra
 
+    @property
+    def lengths(self) -> FloatArray:
+        """(N,) m of wall that each point stands for."""
+        return self.scan.lengths
+
+    @property
+    def on_wall(self) -> NDArray[np.bool_]:
+        """(N,) whether the point lies on a wall."""
+        return self.scan.on_wall
+
     def nearest_in_table(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """Index (...,) of the point nearest to (x, y) (...,) in table axes; cells of 0.1 m, so nearly."""
         height, width = self.table.shape
-        column = _cells(x, self.table_origin[0], width)
-        row = _cells(y, self.table_origin[1], height)
-        row *= width
-        row += column
-        return np.asarray(self.table.ravel().take(row))
+        left, bottom = self.table_origin
+        return np.asarray(self.table.ravel().take(table_cells(x - left, y - bottom, width, height)))
 
     def nearest_by_search(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """The same by search: three times the time, and independent of how the cells lie."""
@@ -79,13 +86,22 @@ class ScanIndex:
         return self.scan.free_ranges.take(sector.astype(np.int32), mode="wrap")
 
 
-def _cells(coordinate: FloatArray, origin: float, count: int) -> NDArray[np.int32]:
-    """(...,) number of the cell of each coordinate, the first or the last where it lies outside."""
-    cells = coordinate - origin
-    cells *= 1.0 / _TABLE_CELL_M
-    np.maximum(cells, 0.0, out=cells)
-    np.minimum(cells, count - 1.0, out=cells)
-    return cells.astype(np.int32)
+Count = TypeVar("Count", int, NDArray[np.int32])
+
+
+def table_cells(x: FloatArray, y: FloatArray, width: Count, height: Count) -> NDArray[np.int32]:
+    """(...,) cells, numbered row by row, of places (x, y) (...,) m from a table's corner.
+
+    The outermost ones for places outside. The places are overwritten.
+    """
+    for coordinate, count in ((x, width), (y, height)):
+        coordinate *= 1.0 / _TABLE_CELL_M
+        np.maximum(coordinate, 0.0, out=coordinate)
+        np.minimum(coordinate, count - 1.0, out=coordinate)
+    cells = y.astype(np.int32)
+    cells *= width
+    cells += x.astype(np.int32)
+    return cells
 
 
 Distance = TypeVar("Distance", float, FloatArray)

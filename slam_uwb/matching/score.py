@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
-from .batch import invert
 from .index import ScanIndex
 from .pairing import pair_points
+from .scan_pair import ScanPair, both_ways, scan_pair
 
 _HIT_M = 0.15  # residuals beyond this confirm nothing
 _HIT_SCALE_M = 0.10
@@ -26,7 +26,7 @@ _AGREE = 0.7  # cosine between normals that face the same way: two faces of one 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointEvidence:
-    """Per candidate pose and point of the moving scan."""
+    """Per candidate pose and point of the moving scan; (2, K, N) of a `ScanPair`."""
 
     hit: FloatArray
     """(K, N) 0-1, how well a wall of the other scan confirms the point."""
@@ -35,13 +35,16 @@ class PointEvidence:
 
 
 def point_evidence(
-    target: ScanIndex,
-    source: ScanIndex,
+    target: ScanIndex | ScanPair,
+    source: ScanIndex | ScanPair,
     poses: FloatArray,
     settings: MatchingSettings,
     stride: int = 1,
 ) -> PointEvidence:
-    """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3)."""
+    """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3).
+
+    A `ScanPair` stands for both, as in `pair_points`.
+    """
     pairing = pair_points(target, source, poses, stride=stride)
     near = pairing.squared < _NEAR_M**2
     squared = pairing.across * pairing.across
@@ -58,7 +61,7 @@ def point_evidence(
     depth -= 1.0
     through = np.minimum(np.maximum(depth, 0.0, out=depth), 1.0, out=depth)
     # Clutter is seen from here and missed from there: walls alone contradict.
-    through *= source.scan.on_wall[::stride]
+    through *= source.on_wall[..., ::stride]
     through *= ~near
     return PointEvidence(hit, through)
 
@@ -91,15 +94,20 @@ def score_matches(
     stride: int = 1,
 ) -> Scores:
     """Metres of wall confirmed and looked through at poses target_T_source (K, 3), both ways."""
-    forth = point_evidence(target, source, poses, settings, stride)
-    back = point_evidence(source, target, invert(poses), settings, stride)
-    source_lengths = source.scan.lengths[::stride] * stride
-    target_lengths = target.scan.lengths[::stride] * stride
-    confirmed = forth.hit @ source_lengths + back.hit @ target_lengths
-    through = forth.seen_through @ source_lengths + back.seen_through @ target_lengths
+    return score_pair(scan_pair(target, source), poses, settings, stride)
+
+
+def score_pair(
+    pair: ScanPair, poses: FloatArray, settings: MatchingSettings, stride: int = 1
+) -> Scores:
+    """The same of two scans that are one already."""
+    said = point_evidence(pair, pair, both_ways(poses), settings, stride)
+    lengths = pair.lengths[:, 0, ::stride, None] * stride
+    confirmed = (said.hit @ lengths).sum(axis=(0, 2))
+    through = (said.seen_through @ lengths).sum(axis=(0, 2))
     return Scores(
         confirmed=confirmed,
         through=through,
-        total=float(source_lengths.sum() + target_lengths.sum()),
+        total=float(lengths.sum()),
         evidence=confirmed - settings.violation_weight * through,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +9,11 @@ from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
-from ..batch import adjoints, compose, distinct, invert
+from ..batch import adjoints, compose, distinct
 from ..index import ScanIndex
 from ..pairing import pair_points
-from ..score import score_matches
+from ..scan_pair import ScanPair, both_ways, scan_pair
+from ..score import score_pair
 from .refinement import Refinement
 
 _SAME_FACE = 0.5  # least cosine between the normals of partners
@@ -56,19 +56,20 @@ def refine_point_to_line(
         J <= K refined poses; one has converged if at least three points, which a pose needs, have
         partners, and its last step was shorter than 2 cm and 1 degree or led away from evidence.
     """
+    pair = scan_pair(target, source)
     starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
     poses = starts
     for gate in _COARSE_GATES_M:
         rows = correspondences(target, source, poses, gate=gate, stride=_COARSE)
         poses = compose(poses, _step(*normal_equations(rows, _COARSE_SCALE * gate)))
-    before, after = _evidence(target, source, starts, poses, settings, _COARSE)
+    before, after = _evidence(pair, starts, poses, settings, _COARSE)
     poses, evidence = _where(after < before, starts, poses), np.maximum(before, after)
     # What confirms next to nothing now confirms nothing in the end; right matches have twice that.
     least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
     poses, evidence = poses[evidence >= least], evidence[evidence >= least]
     poses = poses[distinct(poses, evidence, settings.hypotheses)]
-    fine = polish(target, source, poses, settings)
-    before, after = _evidence(target, source, poses, fine.poses, settings, _FINE)
+    fine = _polished(pair, poses, settings, until_still=False)
+    before, after = _evidence(pair, poses, fine.poses, settings, _FINE)
     lost = after < before - _LOST_M
     return Refinement(
         _where(lost, poses, fine.poses),
@@ -78,16 +79,11 @@ def refine_point_to_line(
 
 
 def _evidence(
-    target: ScanIndex,
-    source: ScanIndex,
-    before: FloatArray,
-    after: FloatArray,
-    settings: MatchingSettings,
-    stride: int,
+    pair: ScanPair, before: FloatArray, after: FloatArray, settings: MatchingSettings, stride: int
 ) -> tuple[FloatArray, FloatArray]:
     """(K,) evidence of poses (K, 3) before and after a stage."""
     poses = np.concatenate([before, after])
-    evidence = score_matches(target, source, poses, settings, stride).evidence
+    evidence = score_pair(pair, poses, settings, stride).evidence
     return evidence[: len(before)], evidence[len(before) :]
 
 
@@ -109,18 +105,25 @@ def polish(
     `until_still` goes on, with partners found exactly, until nothing moves: the result then does
     not depend on where in the basin it started.
     """
+    return _polished(scan_pair(target, source), poses, settings, until_still=until_still)
+
+
+def _polished(
+    pair: ScanPair, poses: FloatArray, settings: MatchingSettings, *, until_still: bool
+) -> Refinement:
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         scale = _fine_scale(iteration)
-        look_up = partial(correspondences, gate=settings.fine_gate_m, exact=until_still)
-        forth, back = look_up(target, source, poses), look_up(source, target, invert(poses))
-        used_scale = np.maximum(scale, _own_scale(forth, back))
-        step = _step(*_both_ways(forth, back, poses, used_scale))
+        rows = correspondences(
+            pair, pair, both_ways(poses), gate=settings.fine_gate_m, exact=until_still
+        )
+        used_scale = np.maximum(scale, _own_scale(rows))
+        step = _step(*_summed(poses, *normal_equations(rows, used_scale)))
         poses = compose(poses, step)
         # Still under a scale that is yet to shrink is not the end.
         if (_are_still(step, used_scale) & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
-    partners = np.count_nonzero(forth.weight, axis=1)
+    partners = np.count_nonzero(rows.weight[0], axis=1)
     converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=1)
     return Refinement(poses, converged, np.full(len(poses), iteration + 1))
 
@@ -146,30 +149,27 @@ def _step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
     return limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
 
 
-def _both_ways(
-    forth: Correspondences, back: Correspondences, poses: FloatArray, loss_scale: FloatArray
+def _summed(
+    poses: FloatArray, hessians: FloatArray, gradients: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Hessians (K, 3, 3) and gradients (K, 3) of both scans' points, in the source's axes."""
-    hessian, gradient = normal_equations(forth, loss_scale)
+    """Hessians (K, 3, 3) and gradients (K, 3) in the source's axes, from those of both ways (2, K, ...)."""
     # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
-    back_hessian, back_gradient = normal_equations(back, loss_scale)
     adjoint = adjoints(poses)
     transposed = np.swapaxes(adjoint, 1, 2)
-    hessian += transposed @ back_hessian @ adjoint
-    gradient -= (transposed @ back_gradient[:, :, None])[:, :, 0]
-    return hessian, gradient
+    hessian = hessians[0] + transposed @ hessians[1] @ adjoint
+    return hessian, gradients[0] - (transposed @ gradients[1][:, :, None])[:, :, 0]
 
 
 def normal_equations(
     rows: Correspondences, loss_scale: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """Hessians (K, 3, 3) and gradients (K, 3) under a Cauchy loss, of one scale or scales (K, 1), m."""
+    """Hessians (..., K, 3, 3) and gradients (..., K, 3) under a Cauchy loss, of one scale or scales (K, 1), m."""
     loss = rows.residual / loss_scale
     loss *= loss
     loss += 1.0
     weight = np.divide(rows.weight, loss, out=loss)
-    weighted = np.swapaxes(rows.jacobian, 1, 2) * weight[:, None, :]
-    return weighted @ rows.jacobian, (weighted @ rows.residual[:, :, None])[:, :, 0]
+    weighted = np.swapaxes(rows.jacobian, -1, -2) * weight[..., None, :]
+    return weighted @ rows.jacobian, (weighted @ rows.residual[..., None])[..., 0]
 
 
 def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -193,7 +193,7 @@ def limited(steps: FloatArray, longest: float) -> FloatArray:
 
 
 class Correspondences(NamedTuple):
-    """N source points against the target's walls at K poses target_T_source."""
+    """N source points against the target's walls at K poses target_T_source; (2, K, N) of a `ScanPair`."""
 
     residual: FloatArray
     """(K, N) m, along the target's normals."""
@@ -206,27 +206,30 @@ class Correspondences(NamedTuple):
 
 
 def correspondences(
-    target: ScanIndex,
-    source: ScanIndex,
+    target: ScanIndex | ScanPair,
+    source: ScanIndex | ScanPair,
     poses: FloatArray,
     *,
     gate: float,
     stride: int = 1,
     exact: bool = False,
 ) -> Correspondences:
-    """Every `stride`-th source point against the walls within `gate` metres at poses target_T_source (K, 3)."""
+    """Every `stride`-th source point against the walls within `gate` metres at poses target_T_source (K, 3).
+
+    A `ScanPair` stands for both, as in `pair_points`.
+    """
     pairing = pair_points(target, source, poses, stride=stride, exact=exact)
-    points_x, points_y = source.columns[:2, ::stride]
+    points_x, points_y = source.columns[:2, ..., ::stride]
     # Rows are kept component by component: products over the points run along memory.
-    jacobian = np.empty((len(poses), 3, len(points_x)))
-    jacobian[:, 0], jacobian[:, 1] = pairing.normal_x, pairing.normal_y
-    jacobian[:, 2] = pairing.normal_y * points_x
-    jacobian[:, 2] -= pairing.normal_x * points_y
+    jacobian = np.empty((*poses.shape[:-1], 3, points_x.shape[-1]))
+    jacobian[..., 0, :], jacobian[..., 1, :] = pairing.normal_x, pairing.normal_y
+    jacobian[..., 2, :] = pairing.normal_y * points_x
+    jacobian[..., 2, :] -= pairing.normal_x * points_y
     # The two faces of a wall lie within the gate; normals that face apart tell them from each other.
     close = (pairing.squared < gate * gate) & (pairing.facing > _SAME_FACE)
     close &= target.reliable.take(pairing.partner)
-    weight = close * source.scan.lengths[::stride]
-    return Correspondences(pairing.across, np.swapaxes(jacobian, 1, 2), weight, pairing.partner)
+    weight = close * source.lengths[..., ::stride]
+    return Correspondences(pairing.across, np.swapaxes(jacobian, -1, -2), weight, pairing.partner)
 
 
 def partner_count(
@@ -237,10 +240,10 @@ def partner_count(
     return np.asarray(np.count_nonzero(weight, axis=1))
 
 
-def _own_scale(forth: Correspondences, back: Correspondences) -> FloatArray:
-    """(K, 1) Cauchy scale from the median absolute residual within the gate, at most the coarse one."""
-    sizes = np.abs(np.concatenate([forth.residual, back.residual], axis=1))
-    paired = np.concatenate([forth.weight, back.weight], axis=1) > 0.0
+def _own_scale(rows: Correspondences) -> FloatArray:
+    """(K, 1) Cauchy scale from the median absolute residual (2, K, N) within the gate, at most the coarse one."""
+    sizes = np.abs(np.concatenate(rows.residual, axis=1))
+    paired = np.concatenate(rows.weight, axis=1) > 0.0
     sizes[~paired] = np.inf
     sizes.sort(axis=1)
     count = np.count_nonzero(paired, axis=1)
