@@ -67,12 +67,12 @@ def distinct(poses: FloatArray, score: FloatArray, count: int) -> list[int]:
 
 def first_of_each(order: NDArray[np.intp], same: NDArray[np.bool_], count: int) -> list[int]:
     """Up to `count` indices in their order, leaving out those that are the same (K, K) as one before."""
-    free = np.ones(len(same), dtype=bool)
+    free, other = np.ones(len(same), dtype=bool), ~same
     kept: list[int] = []
     for index in order:
         if free[index]:
             kept.append(int(index))
-            free &= ~same[index]
+            free &= other[index]
             if len(kept) == count:
                 break
     return kept

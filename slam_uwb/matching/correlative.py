@@ -36,16 +36,15 @@ def correlative_matches(
     turns = 0.5 * math.pi * np.arange(4)
     # Quarter turns 2 and 3 are those of 0 and 1 turned by 180 degrees: the conjugate of a real
     # grid's spectrum.
-    spectra = [
-        _correlated(a, b.occupied.conj(), b.contrast.conj()),
-        _correlated(a, b.occupied, b.contrast),
-    ]
     oblique = _oblique_turns(a, b)
+    spectra = np.empty((4 + len(oblique), *a.occupied.shape[1:]), dtype=np.complex64)
+    _correlate(a, b.occupied.conj(), b.contrast.conj(), spectra[:2])
+    _correlate(a, b.occupied, b.contrast, spectra[2:4])
     if len(oblique):
-        further = turned_spectra(source.scan, source.turn - oblique, settings)
+        occupied, contrast = turned_spectra(source.scan, source.turn - oblique, settings)
         turns = np.concatenate([turns, oblique])
-        spectra.append(_correlated(a, *further.conj()))
-    maps = np.asarray(irfft2(np.concatenate(spectra), s=(size, size)), dtype=np.float32)
+        _correlate(a, occupied.conj(), contrast.conj(), spectra[4:])
+    maps = np.asarray(irfft2(spectra, s=(size, size)), dtype=np.float32)
     turn, row, column = _peaks(maps, 4 * settings.initial_matches)
     signed = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
     shift = np.column_stack([signed[column], signed[row]])
@@ -56,11 +55,15 @@ def correlative_matches(
     return np.column_stack([c * x - s * y, s * x + c * y, theta])
 
 
-def _correlated(
-    target: Spectra, occupied: NDArray[np.complex64], contrast: NDArray[np.complex64]
-) -> NDArray[np.complex64]:
-    """(A, G, G // 2 + 1) what each scan's free space says of the other's occupied cells."""
-    return np.asarray(target.contrast[0] * occupied + target.occupied[0] * contrast)
+def _correlate(
+    target: Spectra,
+    occupied: NDArray[np.complex64],
+    contrast: NDArray[np.complex64],
+    out: NDArray[np.complex64],
+) -> None:
+    """Write what each scan's free space says of the other's occupied cells, (A, G, G // 2 + 1)."""
+    np.multiply(target.contrast[0], occupied, out=out)
+    out += target.occupied[0] * contrast
 
 
 def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
