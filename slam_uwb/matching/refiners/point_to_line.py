@@ -19,7 +19,7 @@ from .refinement import Refinement
 _SAME_FACE = 0.5  # least cosine between the normals of partners
 _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone less than 0.007
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
-_COARSE_GATES_M = (0.4, 0.3)
+_COARSE_GATES_M = (0.5, 0.3)
 _COARSE_SCALE = 0.3  # of the gate: the loss of walls that only happen to lie within it
 _COARSE = 3  # every third point is enough to find the basin
 _FINE = 2  # every second point, to tell whether it was left
@@ -40,7 +40,7 @@ def refine_point_to_line(
 ) -> Refinement:
     """Move poses target_T_source (K, 3) until the points of each scan lie on the walls of the other.
 
-    Stages: every third point within 0.4 and 0.3 m, one way, to reach the basin; then all points
+    Stages: every third point within 0.5 and 0.3 m, one way, to reach the basin; then all points
     within `fine_gate_m`, both ways, with a Cauchy loss; at last the loss takes the scale of the
     residuals themselves, so that points without a partner (clutter, doors) lose their pull as the
     walls come together.
