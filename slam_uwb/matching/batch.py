@@ -29,9 +29,11 @@ def invert(poses: FloatArray) -> FloatArray:
 def adjoints(poses: FloatArray) -> FloatArray:
     """(K, 3, 3) adjoint of each row; see `Pose2.adjoint`."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    rows = [[c, -s, poses[:, 1]], [s, c, -poses[:, 0]], [zero, zero, one]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+    found = np.zeros((len(poses), 3, 3))
+    found[:, 0, 0], found[:, 0, 1], found[:, 0, 2] = c, -s, poses[:, 1]
+    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = s, c, -poses[:, 0]
+    found[:, 2, 2] = 1.0
+    return found
 
 
 def transform(poses: FloatArray, points: FloatArray) -> FloatArray:
@@ -61,12 +63,12 @@ def distinct(poses: FloatArray, score: FloatArray, count: int) -> list[int]:
 
 def first_of_each(order: NDArray[np.intp], same: NDArray[np.bool_], count: int) -> list[int]:
     """Up to `count` indices in their order, leaving out those that are the same (K, K) as one before."""
-    free = np.ones(len(same), dtype=bool)
+    free, other = np.ones(len(same), dtype=bool), ~same
     kept: list[int] = []
     for index in order:
         if free[index]:
             kept.append(int(index))
-            free &= ~same[index]
+            free &= other[index]
             if len(kept) == count:
                 break
     return kept

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
 from .batch import first_of_each
 from .index import ScanIndex
-from .spectra import BLOCK, DIRECTIONS, Spectra, correlation_grids, grid_size
+from .spectra import BLOCK, DIRECTIONS, Spectra, grid_size, turned_spectra
 
 _DISTINCT_M = 0.3
 _PEAK_BINS = 4  # degrees around a peak of the wall directions that belong to it
@@ -28,24 +29,22 @@ def correlative_matches(
     one scan are correlated with the blurred occupied minus the free cells of the other, and the
     other way round, for all translations at once (FFT; spectra are kept with the scans).
     """
-    from scipy.fft import irfft2, rfft2
+    from scipy.fft import irfft2
 
     size = grid_size(settings)
     a, b = target.spectra, source.spectra
+    turns = 0.5 * math.pi * np.arange(4)
     # Quarter turns 2 and 3 are those of 0 and 1 turned by 180 degrees: the conjugate of a real
     # grid's spectrum.
-    turns = 0.5 * math.pi * np.arange(4)
-    occupied = np.concatenate([b.occupied, b.occupied.conj()])
-    contrast = np.concatenate([b.contrast, b.contrast.conj()])
     oblique = _oblique_turns(a, b)
+    spectra = np.empty((4 + len(oblique), *a.occupied.shape[1:]), dtype=np.complex64)
+    _correlate(a, b.occupied.conj(), b.contrast.conj(), spectra[:2])
+    _correlate(a, b.occupied, b.contrast, spectra[2:4])
     if len(oblique):
-        angles = source.turn - oblique
-        grids = rfft2([correlation_grids(source.scan, angle, settings) for angle in angles])
+        occupied, contrast = turned_spectra(source.scan, source.turn - oblique, settings)
         turns = np.concatenate([turns, oblique])
-        occupied = np.concatenate([occupied, grids[:, 0]])
-        contrast = np.concatenate([contrast, grids[:, 1]])
-    spectrum = a.contrast[0] * occupied.conj() + a.occupied[0] * contrast.conj()
-    maps = irfft2(spectrum, s=(size, size))
+        _correlate(a, occupied.conj(), contrast.conj(), spectra[4:])
+    maps = np.asarray(irfft2(spectra, s=(size, size)), dtype=np.float32)
     turn, row, column = _peaks(maps, 4 * settings.initial_matches)
     signed = np.fft.fftfreq(size, 1.0 / size) * settings.correlation_cell_m
     shift = np.column_stack([signed[column], signed[row]])
@@ -56,15 +55,28 @@ def correlative_matches(
     return np.column_stack([c * x - s * y, s * x + c * y, theta])
 
 
+def _correlate(
+    target: Spectra,
+    occupied: NDArray[np.complex64],
+    contrast: NDArray[np.complex64],
+    out: NDArray[np.complex64],
+) -> None:
+    """Write what each scan's free space says of the other's occupied cells, (A, G, G // 2 + 1)."""
+    np.multiply(target.contrast[0], occupied, out=out)
+    out += target.occupied[0] * contrast
+
+
 def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
     """Further rotations, rad beyond the wall-aligned one, that bring many walls of both scans in line.
 
     Peaks of the correlated histograms of wall directions. Where all walls stand at right angles
     these are the quarter turns, and there is nothing further.
     """
+    from scipy.ndimage import maximum_filter1d
+
     agreement = np.fft.irfft(target.directions * source.directions.conj(), DIRECTIONS)
-    around = [np.roll(agreement, k) for k in range(-_PEAK_BINS, _PEAK_BINS + 1) if k]
-    peak = (agreement >= np.max(around, axis=0)) & (agreement > _PEAK_SHARE * agreement.max())
+    highest = maximum_filter1d(agreement, 2 * _PEAK_BINS + 1, mode="wrap")
+    peak = (agreement >= highest) & (agreement > _PEAK_SHARE * agreement.max())
     beyond = np.flatnonzero(peak) * (2.0 * math.pi / DIRECTIONS)
     quarter = 0.5 * math.pi
     off = np.abs(np.remainder(beyond + 0.5 * quarter, quarter) - 0.5 * quarter)
@@ -73,18 +85,20 @@ def _oblique_turns(target: Spectra, source: Spectra) -> FloatArray:
     return np.asarray(beyond[oblique][order][:_OBLIQUE])
 
 
-def _peaks(maps: FloatArray, count: int) -> tuple[NDArray[np.intp], ...]:
+def _peaks(maps: NDArray[np.float32], count: int) -> tuple[NDArray[np.intp], ...]:
     """Turn, row and column of the highest cells, at most one a block of cells, the highest first.
 
     One peak a block, so that a ridge along a wall does not take all places.
     """
     turns, size, _ = maps.shape
     edge = size // BLOCK
-    blocks = maps.reshape(turns, edge, BLOCK, edge, BLOCK)
-    highest = blocks.max(axis=2).max(axis=3).ravel()
+    # Slice by slice: reducing an axis of three would take ten times as long.
+    tallest = reduce(np.maximum, [maps[:, k::BLOCK] for k in range(BLOCK)])
+    highest = reduce(np.maximum, [tallest[..., k::BLOCK] for k in range(BLOCK)]).ravel()
     best = np.argpartition(highest, -min(count, len(highest)))[-count:]
     best = best[np.lexsort((best, -highest[best]))]
     turn, row, column = np.unravel_index(best, (turns, edge, edge))
+    blocks = maps.reshape(turns, edge, BLOCK, edge, BLOCK)
     inside = np.argmax(blocks[turn, row, :, column].reshape(len(best), -1), axis=1)
     return turn, row * BLOCK + inside // BLOCK, column * BLOCK + inside % BLOCK
 
@@ -92,5 +106,5 @@ def _peaks(maps: FloatArray, count: int) -> tuple[NDArray[np.intp], ...]:
 def _distinct(shift: FloatArray, turn: NDArray[np.intp], count: int) -> list[int]:
     """Indices of up to `count` peaks, the highest first, none within 0.3 m of a higher one of the same turn."""
     x, y = shift.T[:, :, None] - shift.T[:, None, :]
-    same = (turn[:, None] == turn) & (np.hypot(x, y) < _DISTINCT_M)
+    same = (turn[:, None] == turn) & (x * x + y * y < _DISTINCT_M**2)
     return first_of_each(np.arange(len(shift)), same, count)

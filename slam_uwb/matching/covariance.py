@@ -13,6 +13,7 @@ that have little more are free.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Matrix3, Pose2
 from ..model.settings import MatchingSettings
+from .batch import adjoints, invert, transform
 from .index import ScanIndex
 from .refiners.point_to_line import correspondences
 
@@ -87,9 +89,26 @@ def match_covariance(
     points, a random effect a wall by the moments of DerSimonian & Laird (1986); degenerate
     directions by library facts, 7.
     """
-    rows = _both_ways(target, source, target_T_source, settings.fine_gate_m)
+    poses = target_T_source.vector[None, :]
+    (found,) = match_covariances(target, source, poses, settings)
+    return found
+
+
+def match_covariances(
+    target: ScanIndex, source: ScanIndex, poses: FloatArray, settings: MatchingSettings
+) -> list[tuple[Matrix3, bool]]:
+    """The same at each of the poses target_T_source (K, 3)."""
     noise = source.scan.noise**2 + target.scan.noise**2
-    information, degenerate = _information(rows, noise)
+    return [
+        _covariance(*_information(rows, noise), settings)
+        for rows in _both_ways(target, source, poses, settings.fine_gate_m)
+    ]
+
+
+def _covariance(
+    information: Matrix3, degenerate: bool, settings: MatchingSettings
+) -> tuple[Matrix3, bool]:
+    """Covariance of the information (3, 3), its free directions bounded and with the floor."""
     # By eigenvalues: information that is all but infinite leaves none below zero.
     values, axes = np.linalg.eigh(information * _FREE_SIGMAS[:, None] * _FREE_SIGMAS)
     axes = axes * _FREE_SIGMAS[:, None]
@@ -100,33 +119,45 @@ def match_covariance(
     return covariance, degenerate
 
 
-def _both_ways(target: ScanIndex, source: ScanIndex, pose: Pose2, gate: float) -> _Rows:
-    """The residuals that the refiner's fine stage sees."""
-    inverse = pose.inverse()
-    source_points, target_points = source.columns[:2], target.columns[:2]
-    count = source_points.shape[1]
-    target_here = inverse.rotation @ target_points + inverse.translation[:, None]
-    forth = correspondences(target, source, pose.vector[None, :], gate=gate)
-    back = correspondences(source, target, inverse.vector[None, :], gate=gate)
-    source_partner, target_partner = forth.partner[0], back.partner[0]
+def _both_ways(
+    target: ScanIndex, source: ScanIndex, poses: FloatArray, gate: float
+) -> Iterator[_Rows]:
+    """The residuals that the refiner's fine stage sees at each of the poses target_T_source (K, 3)."""
+    inverses = invert(poses)
+    forth = correspondences(target, source, poses, gate=gate)
+    back = correspondences(source, target, inverses, gate=gate)
+    count = len(source.scan.points)
+    residual, metres, partner, slopes = (
+        np.concatenate(both, axis=1)
+        for both in (
+            (forth.residual, back.residual),
+            (forth.weight, back.weight),
+            (forth.partner + count, back.partner),
+            (
+                target.scan.normal_variance.take(forth.partner),
+                source.scan.normal_variance.take(back.partner),
+            ),
+        )
+    )
+    wall = _walls(target.columns, source.columns)
     # d inverse(T) = -Ad(T) d in its axes.
-    jacobian = np.concatenate([forth.jacobian[0].T, -pose.adjoint().T @ back.jacobian[0].T], axis=1)
-    x, y = np.concatenate([source_points, target_here], axis=1)
-    along = np.empty_like(jacobian)
-    along[0], along[1] = -jacobian[1], jacobian[0]
-    along[2] = jacobian[0] * x + jacobian[1] * y
-    slopes = (target.scan.normal_variance, source.scan.normal_variance)
-    return _Rows(
-        residual=np.concatenate([forth.residual[0], back.residual[0]]),
-        jacobian=jacobian,
-        along=along,
-        metres=np.concatenate([forth.weight[0], back.weight[0]]),
-        slope_variance=np.concatenate([
-            slopes[0].take(source_partner), slopes[1].take(target_partner)
-        ]),
-        partner=np.concatenate([source_partner + count, target_partner]),
-        wall=_walls(target.columns, source.columns),
-    )  # fmt: skip
+    turned = np.swapaxes(-adjoints(poses), 1, 2) @ np.swapaxes(back.jacobian, 1, 2)
+    jacobians = np.concatenate([np.swapaxes(forth.jacobian, 1, 2), turned], axis=2)
+    target_here = transform(inverses, target.scan.points)
+    for k, jacobian in enumerate(jacobians):
+        x, y = np.concatenate([source.columns[:2], target_here[k].T], axis=1)
+        along = np.empty_like(jacobian)
+        along[0], along[1] = -jacobian[1], jacobian[0]
+        along[2] = jacobian[0] * x + jacobian[1] * y
+        yield _Rows(
+            residual=residual[k],
+            jacobian=jacobian,
+            along=along,
+            metres=metres[k],
+            slope_variance=slopes[k],
+            partner=partner[k],
+            wall=wall,
+        )
 
 
 def _walls(target: FloatArray, source: FloatArray) -> NDArray[np.intp]:

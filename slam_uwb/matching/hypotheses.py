@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
 
 from ..model.geometry import FloatArray, Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from .batch import distinct
 from .correlative import correlative_matches
-from .covariance import match_covariance
+from .covariance import match_covariances
 from .index import ScanIndex
 from .landmark import closest_point_count, landmark_matches
 from .refiners import REFINERS
-from .score import score_matches
+from .score import Scores, score_matches
 
 Initialiser = Callable[[ScanIndex, ScanIndex, MatchingSettings], FloatArray]
 
@@ -39,34 +42,48 @@ def match_pair(
     poses = refined.poses[refined.converged]
     if not len(poses):
         return ()
+    scores = score_matches(target, source, poses, settings)
     if settings.ranking == "evidence":
-        order = score_matches(target, source, poses, settings).evidence
-        worth = order >= settings.min_evidence_m
-        poses, order = poses[worth], order[worth]
+        worth = np.flatnonzero(scores.evidence >= settings.min_evidence_m)
+        poses, scores = poses[worth], scores.of(worth)
+        order = scores.evidence
     else:
         order = closest_point_count(target, source, poses, settings.closest_point_m)
-    best = distinct(poses, order, settings.hypotheses)
-    return tuple(
-        describe_match(target, source, poses[index], rank, settings)
-        for rank, index in enumerate(best)
-    )
+    best = np.array(distinct(poses, order, settings.hypotheses), dtype=np.intp)
+    return _described(target, source, poses[best], scores.of(best), settings)
 
 
 def describe_match(
     target: ScanIndex, source: ScanIndex, pose: FloatArray, rank: int, settings: MatchingSettings
 ) -> ScanMatch:
     """The match at pose target_T_source (3,) with its covariance, overlap, violation and evidence."""
-    target_T_source = Pose2.from_vector(pose)
     scores = score_matches(target, source, pose[None, :], settings)
-    covariance, degenerate = match_covariance(target, source, target_T_source, settings)
-    return ScanMatch(
-        target=target.scan.station,
-        source=source.scan.station,
-        target_T_source=target_T_source,
-        covariance=covariance,
-        overlap=float(scores.confirmed[0] / scores.total),
-        violation=float(scores.through[0] / scores.total),
-        score=float(scores.evidence[0]),
-        rank=rank,
-        degenerate=degenerate,
+    (match,) = _described(target, source, pose[None, :], scores, settings)
+    return replace(match, rank=rank)
+
+
+def _described(
+    target: ScanIndex,
+    source: ScanIndex,
+    poses: FloatArray,
+    scores: Scores,
+    settings: MatchingSettings,
+) -> tuple[ScanMatch, ...]:
+    """The matches at poses target_T_source (K, 3) that have these scores, in their order."""
+    covariances = match_covariances(target, source, poses, settings)
+    return tuple(
+        ScanMatch(
+            target=target.scan.station,
+            source=source.scan.station,
+            target_T_source=Pose2.from_vector(pose),
+            covariance=covariance,
+            overlap=float(scores.confirmed[rank] / scores.total),
+            violation=float(scores.through[rank] / scores.total),
+            score=float(scores.evidence[rank]),
+            rank=rank,
+            degenerate=degenerate,
+        )
+        for rank, (pose, (covariance, degenerate)) in enumerate(
+            zip(poses, covariances, strict=True)
+        )
     )

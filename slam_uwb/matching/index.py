@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from ..model.products import PreparedScan
 from ..model.settings import MatchingSettings
 from .directions import aligning_turn, certain_normals
 from .sight import Sight, coarse_sight
-from .spectra import Spectra, grid_spectra
+from .spectra import Spectra, scan_spectra
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -53,14 +53,21 @@ class ScanIndex:
     spectra: Spectra
     sight: Sight
 
+    @property
+    def lengths(self) -> FloatArray:
+        """(N,) m of wall that each point stands for."""
+        return self.scan.lengths
+
+    @property
+    def on_wall(self) -> NDArray[np.bool_]:
+        """(N,) whether the point lies on a wall."""
+        return self.scan.on_wall
+
     def nearest_in_table(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """Index (...,) of the point nearest to (x, y) (...,) in table axes; cells of 0.1 m, so nearly."""
         height, width = self.table.shape
-        column = _cells(x, self.table_origin[0], width)
-        row = _cells(y, self.table_origin[1], height)
-        row *= width
-        row += column
-        return np.asarray(self.table.ravel().take(row))
+        left, bottom = self.table_origin
+        return np.asarray(self.table.ravel().take(table_cells(x - left, y - bottom, width, height)))
 
     def nearest_by_search(self, x: FloatArray, y: FloatArray) -> NDArray[np.int32]:
         """The same by search: three times the time, and independent of how the cells lie."""
@@ -69,17 +76,31 @@ class ScanIndex:
     def free_range(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """(...,) metres the scanner looked through towards the places (x, y) in table axes; 0 = unknown."""
         count = len(self.scan.free_ranges)
-        sector = (np.arctan2(y, x) + (self.table_turn + math.pi)) * (count / (2.0 * math.pi))
-        return self.scan.free_ranges.take(np.floor(sector).astype(np.int32) % count)
+        sectors = count / (2.0 * math.pi)
+        sector = np.arctan2(y, x)
+        # A whole turn more than needed keeps the number positive, so that it may be cut off.
+        first = math.remainder(self.table_turn, 2.0 * math.pi) + 3.0 * math.pi
+        sector += first
+        sector *= sectors
+        return self.scan.free_ranges.take(sector.astype(np.int32), mode="wrap")
 
 
-def _cells(coordinate: FloatArray, origin: float, count: int) -> NDArray[np.int32]:
-    """(...,) number of the cell of each coordinate, the first or the last where it lies outside."""
-    cells = coordinate - origin
-    cells *= 1.0 / _TABLE_CELL_M
-    np.maximum(cells, 0.0, out=cells)
-    np.minimum(cells, count - 1.0, out=cells)
-    return cells.astype(np.int32)
+Count = TypeVar("Count", int, NDArray[np.int32])
+
+
+def table_cells(x: FloatArray, y: FloatArray, width: Count, height: Count) -> NDArray[np.int32]:
+    """(...,) cells, numbered row by row, of places (x, y) (...,) m from a table's corner.
+
+    The outermost ones for places outside. The places are overwritten.
+    """
+    for coordinate, count in ((x, width), (y, height)):
+        coordinate *= 1.0 / _TABLE_CELL_M
+        np.maximum(coordinate, 0.0, out=coordinate)
+        np.minimum(coordinate, count - 1.0, out=coordinate)
+    cells = y.astype(np.int32)
+    cells *= width
+    cells += x.astype(np.int32)
+    return cells
 
 
 def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
@@ -101,7 +122,7 @@ def index_scan(scan: PreparedScan, settings: MatchingSettings) -> ScanIndex:
         table=table,
         table_origin=origin,
         tree=cKDTree(table_columns[:2].T),
-        spectra=grid_spectra(scan, turn, settings),
+        spectra=scan_spectra(scan, turn, settings),
         sight=coarse_sight(scan),
     )
 

@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 from .index import ScanIndex
+from .scan_pair import ScanPair
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairing:
-    """N points of the source and their partners on the target at K poses target_T_source."""
+    """N points of the source and their partners on the target at K poses target_T_source.
+
+    Of a `ScanPair`, arrays (2, K, N) instead of (K, N).
+    """
 
     partner: NDArray[np.int32]
     """(K, N) index of the target's point."""
@@ -32,8 +36,8 @@ class Pairing:
 
 
 def pair_points(
-    target: ScanIndex,
-    source: ScanIndex,
+    target: ScanIndex | ScanPair,
+    source: ScanIndex | ScanPair,
     poses: FloatArray,
     *,
     stride: int = 1,
@@ -41,31 +45,38 @@ def pair_points(
 ) -> Pairing:
     """Partners of every `stride`-th point of the source at poses target_T_source (K, 3).
 
+    A `ScanPair` stands for both, with poses (2, K, 3) target_T_source and source_T_target.
+
     By look-up in a table of 0.1 m cells, so nearly the nearest; `exact` by search, at three times
     the time.
     """
     ca, sa = np.cos(target.table_turn), np.sin(target.table_turn)
-    turned = poses[:, 2:3] - target.table_turn
+    turned = poses[..., 2:3] - target.table_turn
     c, s = np.cos(turned), np.sin(turned)
-    points_x, points_y, normals_x, normals_y = source.columns[:, ::stride]
+    points_x, points_y, normals_x, normals_y = source.columns[..., ::stride]
     x = c * points_x
     x -= s * points_y
-    x += (ca * poses[:, 0] + sa * poses[:, 1])[:, None]
+    x += ca * poses[..., 0:1] + sa * poses[..., 1:2]
     y = s * points_x
     y += c * points_y
-    y += (ca * poses[:, 1] - sa * poses[:, 0])[:, None]
+    y += ca * poses[..., 1:2] - sa * poses[..., 0:1]
     partner = target.nearest_by_search(x, y) if exact else target.nearest_in_table(x, y)
     target_x, target_y, target_nx, target_ny = target.table_columns
-    dx, dy = x - target_x.take(partner), y - target_y.take(partner)
+    dx, dy = target_x.take(partner), target_y.take(partner)
+    np.subtract(x, dx, out=dx)
+    np.subtract(y, dy, out=dy)
     nx, ny = target_nx.take(partner), target_ny.take(partner)
-    normal_x, normal_y = c * nx + s * ny, c * ny - s * nx
+    across = nx * dx
+    across += ny * dy
+    dx *= dx
+    dy *= dy
+    dx += dy
+    normal_x, normal_y = c * nx, c * ny
+    normal_x += s * ny
+    normal_y -= s * nx
+    facing = normal_x * normals_x
+    facing += normal_y * normals_y
     return Pairing(
-        partner=partner,
-        x=x,
-        y=y,
-        across=nx * dx + ny * dy,
-        squared=dx * dx + dy * dy,
-        normal_x=normal_x,
-        normal_y=normal_y,
-        facing=normal_x * normals_x + normal_y * normals_y,
-    )
+        partner=partner, x=x, y=y, across=across, squared=dx, normal_x=normal_x, normal_y=normal_y,
+        facing=facing,
+    )  # fmt: skip

@@ -10,12 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
-from .batch import invert
 from .index import ScanIndex
 from .pairing import pair_points
+from .scan_pair import ScanPair, both_ways, scan_pair
 
 _HIT_M = 0.15  # residuals beyond this confirm nothing
 _HIT_SCALE_M = 0.10
@@ -25,7 +26,7 @@ _AGREE = 0.7  # cosine between normals that face the same way: two faces of one 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointEvidence:
-    """Per candidate pose and point of the moving scan."""
+    """Per candidate pose and point of the moving scan; (2, K, N) of a `ScanPair`."""
 
     hit: FloatArray
     """(K, N) 0-1, how well a wall of the other scan confirms the point."""
@@ -34,31 +35,34 @@ class PointEvidence:
 
 
 def point_evidence(
-    target: ScanIndex,
-    source: ScanIndex,
+    target: ScanIndex | ScanPair,
+    source: ScanIndex | ScanPair,
     poses: FloatArray,
     settings: MatchingSettings,
     stride: int = 1,
 ) -> PointEvidence:
-    """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3)."""
+    """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3).
+
+    A `ScanPair` stands for both, as in `pair_points`.
+    """
     pairing = pair_points(target, source, poses, stride=stride)
-    across = np.abs(pairing.across)
     near = pairing.squared < _NEAR_M**2
-    hit = np.where(
-        near & (pairing.facing > _AGREE) & (across < _HIT_M),
-        1.0 / (1.0 + (across / _HIT_SCALE_M) ** 2),
-        0.0,
-    )
-    depth = (
-        target.free_range(pairing.x, pairing.y)
-        - settings.free_space_margin_m
-        - np.hypot(pairing.x, pairing.y)
-    )
+    squared = pairing.across * pairing.across
+    confirmed = (pairing.facing > _AGREE) & (squared < _HIT_M**2)
+    confirmed &= near
+    squared *= 1.0 / _HIT_SCALE_M**2
+    squared += 1.0
+    hit = confirmed / squared
+    depth = target.free_range(pairing.x, pairing.y)
+    depth -= np.sqrt(pairing.x * pairing.x + pairing.y * pairing.y)
     # Ramp: just inside the free space a wall's roughness or a small rotation error is enough of an
     # explanation.
-    through = np.where(near, 0.0, np.clip(depth / settings.free_space_margin_m, 0.0, 1.0))
+    depth *= 1.0 / settings.free_space_margin_m
+    depth -= 1.0
+    through = np.minimum(np.maximum(depth, 0.0, out=depth), 1.0, out=depth)
     # Clutter is seen from here and missed from there: walls alone contradict.
-    through = through * source.scan.on_wall[::stride]
+    through *= source.on_wall[..., ::stride]
+    through *= ~near
     return PointEvidence(hit, through)
 
 
@@ -75,6 +79,12 @@ class Scores:
     evidence: FloatArray
     """(K,) m, confirmed minus `violation_weight` times looked through."""
 
+    def of(self, chosen: NDArray[np.intp]) -> Scores:
+        """Those of some of the poses, by their numbers."""
+        return Scores(
+            self.confirmed[chosen], self.through[chosen], self.total, self.evidence[chosen]
+        )
+
 
 def score_matches(
     target: ScanIndex,
@@ -84,15 +94,20 @@ def score_matches(
     stride: int = 1,
 ) -> Scores:
     """Metres of wall confirmed and looked through at poses target_T_source (K, 3), both ways."""
-    forth = point_evidence(target, source, poses, settings, stride)
-    back = point_evidence(source, target, invert(poses), settings, stride)
-    source_lengths = source.scan.lengths[::stride] * stride
-    target_lengths = target.scan.lengths[::stride] * stride
-    confirmed = forth.hit @ source_lengths + back.hit @ target_lengths
-    through = forth.seen_through @ source_lengths + back.seen_through @ target_lengths
+    return score_pair(scan_pair(target, source), poses, settings, stride)
+
+
+def score_pair(
+    pair: ScanPair, poses: FloatArray, settings: MatchingSettings, stride: int = 1
+) -> Scores:
+    """The same of two scans that are one already."""
+    said = point_evidence(pair, pair, both_ways(poses), settings, stride)
+    lengths = pair.lengths[:, 0, ::stride, None] * stride
+    confirmed = (said.hit @ lengths).sum(axis=(0, 2))
+    through = (said.seen_through @ lengths).sum(axis=(0, 2))
     return Scores(
         confirmed=confirmed,
         through=through,
-        total=float(source_lengths.sum() + target_lengths.sum()),
+        total=float(lengths.sum()),
         evidence=confirmed - settings.violation_weight * through,
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,18 +9,22 @@ from numpy.typing import NDArray
 
 from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
-from ..batch import adjoints, compose, distinct, invert
+from ..batch import adjoints, compose, distinct
 from ..index import ScanIndex
 from ..pairing import pair_points
-from ..score import score_matches
+from ..scan_pair import ScanPair, both_ways, scan_pair
+from ..score import score_pair
 from .refinement import Refinement
 
 _SAME_FACE = 0.5  # least cosine between the normals of partners
 _DAMPING = 0.005  # end walls bring 0.07 of a room's information, noise alone less than 0.007
 _CAUCHY_M = 0.05  # loss scale while the match may still be off; registration study, 5
-_COARSE_GATES_M = (0.6, 0.45, 0.3, 0.3)
+_COARSE_GATES_M = (0.5, 0.3)
+_COARSE_SCALE = 0.3  # of the gate: the loss of walls that only happen to lie within it
 _COARSE = 3  # every third point is enough to find the basin
-_PROMISING = 0.3  # of the evidence that a hypothesis needs in the end
+_FINE = 2  # every second point, to tell whether it was left
+_PROMISING = 0.5  # of the evidence that a hypothesis needs in the end
+_LOST_M = 0.3  # of evidence that the fine stage may lose to rounding and to walls that give way
 _SETTLED = 2e-2  # m and rad; partners swap at every step, so the last steps of a right match are millimetres
 _LEAST_PARTNERS = 3  # residuals that a pose takes
 _SHRINK = 0.6
@@ -38,31 +40,56 @@ def refine_point_to_line(
 ) -> Refinement:
     """Move poses target_T_source (K, 3) until the points of each scan lie on the walls of the other.
 
-    Stages: every third point within 0.6 and 0.3 m, one way, to reach the basin; then all points
+    Stages: every third point within 0.5 and 0.3 m, one way, to reach the basin; then all points
     within `fine_gate_m`, both ways, with a Cauchy loss; at last the loss takes the scale of the
     residuals themselves, so that points without a partner (clutter, doors) lose their pull as the
     walls come together.
+
+    Lines do not know of free space. Where scans share little, what they do share may leave a
+    direction to clutter, and the pose slides until walls stand where the other scan looked through.
+    No stage may therefore lose evidence: where it would, the pose stays as it was before.
 
     Between the stages, candidates that have become one and those with the least evidence are
     dropped.
 
     Returns:
-        J <= K refined poses; one has converged if its last step was shorter than 2 cm and 1 degree
-        and at least three points, which a pose needs, have partners.
+        J <= K refined poses; one has converged if at least three points, which a pose needs, have
+        partners, and its last step was shorter than 2 cm and 1 degree or led away from evidence.
     """
-    poses = np.array(initial, dtype=np.float64).reshape(-1, 3)
+    pair = scan_pair(target, source)
+    starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
+    poses = starts
     for gate in _COARSE_GATES_M:
-        poses, _, _ = _step(
-            target, source, poses, gate=gate, scale=0.5 * gate, stride=_COARSE, both_ways=False
-        )
-    evidence = score_matches(target, source, poses, settings, _COARSE).evidence
+        rows = correspondences(target, source, poses, gate=gate, stride=_COARSE)
+        poses = compose(poses, _step(*normal_equations(rows, _COARSE_SCALE * gate)))
+    before, after = _evidence(pair, starts, poses, settings, _COARSE)
+    poses, evidence = _where(after < before, starts, poses), np.maximum(before, after)
     # What confirms next to nothing now confirms nothing in the end; right matches have twice that.
     least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
     poses, evidence = poses[evidence >= least], evidence[evidence >= least]
-    best = distinct(poses, evidence, settings.hypotheses + settings.hypotheses // 2)
-    fine = polish(target, source, poses[best], settings)
-    steps = None if fine.iterations is None else fine.iterations + len(_COARSE_GATES_M)
-    return replace(fine, iterations=steps)
+    poses = poses[distinct(poses, evidence, settings.hypotheses)]
+    fine = _polished(pair, poses, settings, until_still=False)
+    before, after = _evidence(pair, poses, fine.poses, settings, _FINE)
+    lost = after < before - _LOST_M
+    return Refinement(
+        _where(lost, poses, fine.poses),
+        fine.converged | lost,
+        None if fine.iterations is None else fine.iterations + len(_COARSE_GATES_M),
+    )
+
+
+def _evidence(
+    pair: ScanPair, before: FloatArray, after: FloatArray, settings: MatchingSettings, stride: int
+) -> tuple[FloatArray, FloatArray]:
+    """(K,) evidence of poses (K, 3) before and after a stage."""
+    poses = np.concatenate([before, after])
+    evidence = score_pair(pair, poses, settings, stride).evidence
+    return evidence[: len(before)], evidence[len(before) :]
+
+
+def _where(chosen: NDArray[np.bool_], poses: FloatArray, others: FloatArray) -> FloatArray:
+    """(K, 3) the poses that are chosen (K,), the others elsewhere."""
+    return np.where(chosen[:, None], poses, others)
 
 
 def polish(
@@ -78,17 +105,25 @@ def polish(
     `until_still` goes on, with partners found exactly, until nothing moves: the result then does
     not depend on where in the basin it started.
     """
+    return _polished(scan_pair(target, source), poses, settings, until_still=until_still)
+
+
+def _polished(
+    pair: ScanPair, poses: FloatArray, settings: MatchingSettings, *, until_still: bool
+) -> Refinement:
     for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
         scale = _fine_scale(iteration)
-        poses, step, used_scale = _step(
-            target, source, poses, gate=settings.fine_gate_m, scale=scale, stride=1, both_ways=True,
-            exact=until_still,
-        )  # fmt: skip
+        rows = correspondences(
+            pair, pair, both_ways(poses), gate=settings.fine_gate_m, exact=until_still
+        )
+        used_scale = np.maximum(scale, _own_scale(rows))
+        step = _step(*_summed(poses, *normal_equations(rows, used_scale)))
+        poses = compose(poses, step)
         # Still under a scale that is yet to shrink is not the end.
         if (_are_still(step, used_scale) & (used_scale > scale)).all():
             break
     # Where nothing pairs, nothing moves: that is no match.
-    partners = partner_count(target, source, poses, settings.fine_gate_m)
+    partners = np.count_nonzero(rows.weight[0], axis=1)
     converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=1)
     return Refinement(poses, converged, np.full(len(poses), iteration + 1))
 
@@ -109,43 +144,32 @@ def _are_still(step: FloatArray, scale: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(moved < np.maximum(_STILL, _STILL_SHARE * scale))
 
 
-def _step(
-    target: ScanIndex,
-    source: ScanIndex,
-    poses: FloatArray,
-    *,
-    gate: float,
-    scale: float,
-    stride: int,
-    both_ways: bool,
-    exact: bool = False,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """One Gauss-Newton step of every pose: poses (K, 3), steps in the source's axes, scales of the loss (K, 1)."""
-    look_up = partial(correspondences, gate=gate, stride=stride, exact=exact)
-    forth = look_up(target, source, poses)
-    back = look_up(source, target, invert(poses)) if both_ways else None
-    loss_scale = np.full((len(poses), 1), scale)
-    if back is not None:
-        loss_scale = np.maximum(scale, _own_scale(forth, back))
-    hessian, gradient = normal_equations(forth, loss_scale)
-    if back is not None:
-        # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
-        adjoint = adjoints(poses)
-        back_hessian, back_gradient = normal_equations(back, loss_scale)
-        transposed = np.swapaxes(adjoint, 1, 2)
-        hessian = hessian + transposed @ back_hessian @ adjoint
-        gradient = gradient - (transposed @ back_gradient[:, :, None])[:, :, 0]
-    step = limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
-    return compose(poses, step), step, loss_scale
+def _step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
+    """(K, 3) steps in the source's axes of normal equations (K, 3, 3), (K, 3)."""
+    return limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
+
+
+def _summed(
+    poses: FloatArray, hessians: FloatArray, gradients: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Hessians (K, 3, 3) and gradients (K, 3) in the source's axes, from those of both ways (2, K, ...)."""
+    # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
+    adjoint = adjoints(poses)
+    transposed = np.swapaxes(adjoint, 1, 2)
+    hessian = hessians[0] + transposed @ hessians[1] @ adjoint
+    return hessian, gradients[0] - (transposed @ gradients[1][:, :, None])[:, :, 0]
 
 
 def normal_equations(
     rows: Correspondences, loss_scale: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """Hessians (K, 3, 3) and gradients (K, 3) under a Cauchy loss, of one scale or scales (K, 1), m."""
-    weight = rows.weight / (1.0 + (rows.residual / loss_scale) ** 2)
-    weighted = np.swapaxes(rows.jacobian, 1, 2) * weight[:, None, :]
-    return weighted @ rows.jacobian, (weighted @ rows.residual[:, :, None])[:, :, 0]
+    """Hessians (..., K, 3, 3) and gradients (..., K, 3) under a Cauchy loss, of one scale or scales (K, 1), m."""
+    loss = rows.residual / loss_scale
+    loss *= loss
+    loss += 1.0
+    weight = np.divide(rows.weight, loss, out=loss)
+    weighted = np.swapaxes(rows.jacobian, -1, -2) * weight[..., None, :]
+    return weighted @ rows.jacobian, (weighted @ rows.residual[..., None])[..., 0]
 
 
 def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -153,9 +177,12 @@ def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
 
     Damping keeps a direction that only the noise of normals holds (a corridor's axis) where it is.
     """
-    translation = hessian[:, 0, 0] + hessian[:, 1, 1]
-    damping = _DAMPING * np.stack([translation, translation, hessian[:, 2, 2]], axis=1) + 1e-12
-    damped = hessian + damping[:, :, None] * np.eye(3)
+    damped = hessian.copy()
+    diagonal = damped.reshape(-1, 9)[:, ::4]
+    damping = _DAMPING * diagonal
+    damping[:, :2] = damping[:, :1] + damping[:, 1:2]
+    diagonal += damping
+    diagonal += 1e-12
     return np.asarray(-np.linalg.solve(damped, gradient[:, :, None])[:, :, 0])
 
 
@@ -166,7 +193,7 @@ def limited(steps: FloatArray, longest: float) -> FloatArray:
 
 
 class Correspondences(NamedTuple):
-    """N source points against the target's walls at K poses target_T_source."""
+    """N source points against the target's walls at K poses target_T_source; (2, K, N) of a `ScanPair`."""
 
     residual: FloatArray
     """(K, N) m, along the target's normals."""
@@ -179,26 +206,30 @@ class Correspondences(NamedTuple):
 
 
 def correspondences(
-    target: ScanIndex,
-    source: ScanIndex,
+    target: ScanIndex | ScanPair,
+    source: ScanIndex | ScanPair,
     poses: FloatArray,
     *,
     gate: float,
     stride: int = 1,
     exact: bool = False,
 ) -> Correspondences:
-    """Every `stride`-th source point against the walls within `gate` metres at poses target_T_source (K, 3)."""
+    """Every `stride`-th source point against the walls within `gate` metres at poses target_T_source (K, 3).
+
+    A `ScanPair` stands for both, as in `pair_points`.
+    """
     pairing = pair_points(target, source, poses, stride=stride, exact=exact)
-    points_x, points_y = source.columns[:2, ::stride]
+    points_x, points_y = source.columns[:2, ..., ::stride]
     # Rows are kept component by component: products over the points run along memory.
-    jacobian = np.empty((len(poses), 3, len(points_x)))
-    jacobian[:, 0], jacobian[:, 1] = pairing.normal_x, pairing.normal_y
-    jacobian[:, 2] = pairing.normal_y * points_x - pairing.normal_x * points_y
+    jacobian = np.empty((*poses.shape[:-1], 3, points_x.shape[-1]))
+    jacobian[..., 0, :], jacobian[..., 1, :] = pairing.normal_x, pairing.normal_y
+    jacobian[..., 2, :] = pairing.normal_y * points_x
+    jacobian[..., 2, :] -= pairing.normal_x * points_y
     # The two faces of a wall lie within the gate; normals that face apart tell them from each other.
     close = (pairing.squared < gate * gate) & (pairing.facing > _SAME_FACE)
     close &= target.reliable.take(pairing.partner)
-    weight = np.where(close, source.scan.lengths[::stride], 0.0)
-    return Correspondences(pairing.across, np.swapaxes(jacobian, 1, 2), weight, pairing.partner)
+    weight = close * source.lengths[..., ::stride]
+    return Correspondences(pairing.across, np.swapaxes(jacobian, -1, -2), weight, pairing.partner)
 
 
 def partner_count(
@@ -209,15 +240,14 @@ def partner_count(
     return np.asarray(np.count_nonzero(weight, axis=1))
 
 
-def _own_scale(forth: Correspondences, back: Correspondences) -> FloatArray:
-    """(K, 1) Cauchy scale from the median absolute residual within the gate, at most the coarse one."""
-    masked = np.concatenate(
-        [np.where(rows.weight > 0.0, np.abs(rows.residual), np.inf) for rows in (forth, back)],
-        axis=1,
-    )
-    masked.sort(axis=1)
-    count = np.isfinite(masked).sum(axis=1)
-    row = np.arange(len(masked))
-    middle = 0.5 * (masked[row, np.maximum(count - 1, 0) // 2] + masked[row, count // 2])
+def _own_scale(rows: Correspondences) -> FloatArray:
+    """(K, 1) Cauchy scale from the median absolute residual (2, K, N) within the gate, at most the coarse one."""
+    sizes = np.abs(np.concatenate(rows.residual, axis=1))
+    paired = np.concatenate(rows.weight, axis=1) > 0.0
+    sizes[~paired] = np.inf
+    sizes.sort(axis=1)
+    count = np.count_nonzero(paired, axis=1)
+    row = np.arange(len(sizes))
+    middle = 0.5 * (sizes[row, np.maximum(count - 1, 0) // 2] + sizes[row, count // 2])
     middle[count == 0] = _CAUCHY_M
     return np.asarray(np.clip(2.0 * 1.4826 * middle, _SCALE_FLOOR_M, _CAUCHY_M)[:, None])
