@@ -8,6 +8,7 @@ Laplace evidence (coupled).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,13 @@ class RangeFit:
     """(A,) negative log posterior of each point, up to a constant."""
     blocks: FloatArray
     """(A, 3, 3) Hessian of each point's place and offset."""
+
+    def some(self, rows: Sequence[int]) -> RangeFit:
+        """Some of the points, in that order."""
+        rows = list(rows)
+        return RangeFit(
+            self.places[rows], self.offsets[rows], self.common, self.costs[rows], self.blocks[rows]
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -199,6 +199,8 @@ def test_faults_are_counted_and_named(load):
     assert 0 < found.named <= 4
     # Of the anchors that it cannot place, the links are not called wrong.
     assert found.named_wrongly == 0
+    # One of five links 2.4 m too short: a place 2.4 m off explains it by one more wall.
+    assert found.spoiled.far == 0
     assert found.clean.rmse < found.spoiled.rmse
     row = load.table_robustness.fault_row("two-rooms", [found])
     assert len(row) == len(load.table_robustness.FAULT_COLUMNS)
