@@ -109,7 +109,7 @@ def _evidence(
         density = candidate.density(labels, view.sigmas)
         floor = LEAST_CURVATURE / candidate.sight_sigma**2
         start = places if last is None else last.places
-        last = fit_ranges(view, density, prior, start, floor, coupled=True, start=last, still=1e-11)
+        last = fit_ranges(view, density, prior, start, floor, coupled=True, start=last, still=1e-9)
         return log_evidence_cost(last, prior)
 
     return cost
