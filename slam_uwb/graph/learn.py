@@ -76,11 +76,11 @@ def needs_no_offsets(
     margin = -settings.no_offset_gain if told else settings.no_offset_gain
     clear, offset_clear = model.cleared(NO_OFFSET_SIGMA), model.cleared(model.anchor_sigma)
     clear, without = clear.fitted(_evidence(none, view, places, clear))
-    gain = min(
-        rival.fitted(_evidence(scene.prior, view, places, rival))[1] - without
-        for rival in (model, offset_clear)
-    )
-    return (clear, none) if gain > margin else None
+    # The cheap rival first: where links are behind walls it settles the question.
+    for rival in (offset_clear, model):
+        if rival.fitted(_evidence(scene.prior, view, places, rival))[1] - without <= margin:
+            return None
+    return clear, none
 
 
 def _placed_anchors(
