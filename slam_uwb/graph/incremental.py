@@ -130,7 +130,7 @@ def feed_ranges(
     fed: list[gtsam.NonlinearFactor] = []
     ends = zip(table.first.tolist(), table.second.tolist(), strict=True)
     for row, (one, other) in enumerate(ends):
-        at_row, other = slice(row, row + 1), other - len(stations)  # noqa: PLW2901
+        at_row, other = slice(row, row + 1), other - len(stations)
         if one < len(stations):
             keys, block = (stations[one], anchors[other], offsets[other]), first[at_row]
         else:
