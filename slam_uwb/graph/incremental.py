@@ -44,6 +44,7 @@ def solve_by_passes(
     start: Variables,
     indices: Indices,
     settings: GraphSettings,
+    near: bool = False,
 ) -> Optimum:
     """Minimum of the fixed factors and the costs of the ranges.
 
@@ -53,6 +54,7 @@ def solve_by_passes(
         start: where to start.
         indices: of the problem.
         settings: passes and tolerance.
+        near: whether the start is where nearly the same problem ended: no careful first step then.
 
     Raises:
         SolverError: a variable is not determined, or something is not finite.
@@ -61,17 +63,19 @@ def solve_by_passes(
     isam = gtsam.ISAM2(_isam_parameters())
     values = to_values(start, indices, with_offset=len(table.measured) > 0)
     best, best_values, best_cost = start, values, _cost(fixed, ranges, start, values)
-    trust, worse, slots, step = factors.WEAK_PLACE_SIGMA, True, list[int](), math.inf
+    trust, worse, slots, step = factors.WEAK_PLACE_SIGMA, not near, list[int](), math.inf
+    bent = True
     for passes in range(1, settings.max_passes + 1):
         fed = feed_ranges(ranges, best, best_values, indices, safe=worse)
         fed += _leashes(best, indices, table, trust)
-        new = gtsam.NonlinearFactorGraph(fixed) if passes == 1 else gtsam.NonlinearFactorGraph()
-        slots = _exchange(isam, slots, new, fed, values if passes == 1 else None, indices)
+        bends = _bends(ranges, best, best_values, indices) if bent and not worse else []
+        new = (fixed, values) if passes == 1 else (gtsam.NonlinearFactorGraph(), gtsam.Values())
+        isam, slots, bent = _advance(isam, slots, new, fed, bends, indices)
         estimate = isam.calculateEstimate()
         present = from_values(estimate, start, indices)
         cost, moved = _cost(fixed, ranges, present, estimate), movement(best, present)
         # Steps that grow where the cost changes by no more than it is rounded by swing about the optimum.
-        gain, rounding = best_cost - cost, 1e-12 * (1.0 + abs(best_cost))
+        gain, rounding = best_cost - cost, 1e-11 * (1.0 + abs(best_cost))
         worse = gain < -rounding or (gain < rounding and moved >= step)
         step = moved
         if not worse:
@@ -117,36 +121,72 @@ def feed_ranges(
     table = ranges.table
     _, slopes, curvatures = ranges.touching(present, safe)
     roots = np.sqrt(curvatures)
-    directions = table.directions(present) * roots[:, None]
+    second = table.directions(present) * roots[:, None]
+    first, unit = _first_ends(table, present, second), gtsam.noiseModel.Unit.Create(1)
+    right, offset = (slopes / roots)[:, None], roots[:, None]
+    stations = [factors.X(indices.stations[name]) for name in table.stations]
+    anchors = [factors.L(indices.anchors[name]) for name in table.anchors]
+    offsets = [factors.D(indices.anchors[name]) for name in table.anchors]
     fed: list[gtsam.NonlinearFactor] = []
-    for row, (root, slope) in enumerate(zip(roots, slopes, strict=True)):
-        second = directions[row : row + 1]
-        # d(pose) in the station's own axes: the direction turned, and the lever's arm.
-        keys, first = _first_end(table, row, present, indices, second)
-        keys[_second_key(table, row, indices)] = second
-        keys[first] = np.array([[root]])
-        fed.append(factors.linear_factor(keys, float(slope / root), at))
+    ends = zip(table.first.tolist(), table.second.tolist(), strict=True)
+    for row, (one, other) in enumerate(ends):
+        at_row, other = slice(row, row + 1), other - len(stations)
+        if one < len(stations):
+            keys, block = (stations[one], anchors[other], offsets[other]), first[at_row]
+        else:
+            between = anchors[one - len(stations)]
+            keys, block = (between, anchors[other], factors.OFFSET_KEY), -second[at_row]
+        blocks = (block, second[at_row], offset[at_row])
+        fed.append(factors.linear_factor(keys, blocks, right[row], unit, at))
     return fed
 
 
-def _first_end(
-    table: RangeTable, row: int, present: Variables, indices: Indices, direction: FloatArray
-) -> tuple[dict[int, FloatArray], int]:
-    """The derivative by a range's first end, and the key of the offset that goes with it."""
-    first, station_count = int(table.first[row]), len(table.stations)
-    if first >= station_count:
-        other = indices.anchors[table.anchors[first - station_count]]
-        return {factors.L(other): -direction}, factors.OFFSET_KEY
-    name = table.stations[first]
-    along, across = direction[0] @ present.poses[name].rotation
-    lever_x, lever_y = table.levers[first]
-    block = np.array([[-along, -across, along * lever_y - across * lever_x]])
-    anchor = indices.anchors[table.anchors[int(table.second[row]) - station_count]]
-    return {factors.X(indices.stations[name]): block}, factors.D(anchor)
+def _first_ends(table: RangeTable, present: Variables, directions: FloatArray) -> FloatArray:
+    """(R, 3) derivative by the pose of the first end, in its own axes; of no use where that is an anchor.
+
+    The direction turned, and the lever's arm; `directions` (R, 2) may be scaled.
+    """
+    station = np.minimum(table.first, len(table.stations) - 1)
+    turns = np.array([present.poses[name].theta for name in table.stations])[station]
+    c, s = np.cos(turns), np.sin(turns)
+    along = c * directions[:, 0] + s * directions[:, 1]
+    across = c * directions[:, 1] - s * directions[:, 0]
+    x, y = table.levers[station].T
+    return np.column_stack([-along, -across, along * y - across * x])
 
 
-def _second_key(table: RangeTable, row: int, indices: Indices) -> int:
-    return factors.L(indices.anchors[table.anchors[int(table.second[row]) - len(table.stations)]])
+def _bends(
+    ranges: WeighedRanges, present: Variables, at: gtsam.Values, indices: Indices
+) -> list[gtsam.NonlinearFactor]:
+    """What the Gaussians that touch the costs leave out of the curvature by each anchor and its offset.
+
+    With it passes are nearly Newton's steps and end in a few; without, they take thirty. Left out where
+    the ranges do not hold the anchor.
+    """
+    table = ranges.table
+    of_tag = table.first < len(table.stations)
+    if not of_tag.any():
+        return []
+    residuals, slopes, touching = ranges.touching(present, safe=False)
+    curvatures = ranges.density.expand(residuals)[2]
+    directions = table.directions(present)
+    jacobian = np.column_stack([directions, np.ones(len(directions))])
+    squares = jacobian[:, :, None] * jacobian[:, None, :]
+    # A range bends: its second derivative is (1 - d d^T) by its length.
+    bend = np.zeros((len(directions), 3, 3))
+    across = directions[:, :, None] * directions[:, None, :] - np.eye(2)
+    bend[:, :2, :2] = (slopes / table.slants(present))[:, None, None] * across
+    missing, whole = np.zeros((2, len(table.anchors), 3, 3))
+    anchors = table.second - len(table.stations)
+    for blocks, weights in ((missing, curvatures - touching), (whole, curvatures)):
+        rows = weights[:, None, None] * squares + bend
+        np.add.at(blocks, anchors[of_tag], rows[of_tag])
+    held = np.linalg.eigvalsh(whole)[:, 0] > 0.0
+    return [
+        factors.curvature_factor(indices.anchors[name], block, at)
+        for name, block, keep in zip(table.anchors, missing, held, strict=True)
+        if keep
+    ]
 
 
 def _range_factor(
@@ -179,12 +219,35 @@ def _isam_parameters() -> gtsam.ISAM2Params:
     return parameters
 
 
+def _advance(
+    isam: gtsam.ISAM2,
+    old_slots: list[int],
+    new: tuple[gtsam.NonlinearFactorGraph, gtsam.Values],
+    fed: list[gtsam.NonlinearFactor],
+    bends: list[gtsam.NonlinearFactor],
+    indices: Indices,
+) -> tuple[gtsam.ISAM2, list[int], bool]:
+    """One step, with the bends where they leave the problem definite.
+
+    Returns:
+        What has taken the step, the slots of the fed factors, and whether bends are of use.
+    """
+    if bends:
+        # What iSAM2 is after a failure is not known.
+        spare = gtsam.ISAM2(isam)
+        try:
+            return isam, _exchange(isam, old_slots, new, [*fed, *bends], indices), True
+        except SolverError:
+            # An anchor is held only as well as the poses that see it.
+            isam = spare
+    return isam, _exchange(isam, old_slots, new, fed, indices), not bends
+
+
 def _exchange(
     isam: gtsam.ISAM2,
     old_slots: list[int],
-    new: gtsam.NonlinearFactorGraph,
+    new: tuple[gtsam.NonlinearFactorGraph, gtsam.Values],
     fed: list[gtsam.NonlinearFactor],
-    values: gtsam.Values | None,
     indices: Indices,
 ) -> list[int]:
     """Replace the factors in the old slots by those fed, add new ones, take one step.
@@ -192,10 +255,11 @@ def _exchange(
     Returns:
         The slots of the fed factors.
     """
+    graph, values = gtsam.NonlinearFactorGraph(new[0]), new[1]
     for factor in fed:
-        new.push_back(factor)
+        graph.push_back(factor)
     try:
-        result = isam.update(new, gtsam.Values() if values is None else values, old_slots)
+        result = isam.update(graph, values, old_slots)
     except RuntimeError as error:
         raise solver_error(error, indices) from error
     slots = list(result.getNewFactorsIndices())

@@ -17,7 +17,8 @@ from ..model.geometry import FloatArray, Points, Vector2, rotation_matrix
 from ..model.link_law import LinkModel
 from ..model.settings import GraphSettings
 from ..model.solution import Alternative, Status
-from .range_fit import LEAST_CURVATURE, OffsetPrior, fit_ranges
+from .range_fit import LEAST_CURVATURE, OffsetPrior, RangeFit, fit_ranges
+from .rivals import FAULTY, excluding_gaps
 from .sightings import (
     Finding,
     Sightings,
@@ -38,8 +39,6 @@ RING = 0.5 * np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -
 """m, about the best place in the axes of those that see it, from where other sides of walls are tried."""
 HOPELESS = 20.0
 """nats above the best: no label brings such a place back."""
-FAULTY = 0.5
-"""A range is taken for a fault where that is likelier than not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,33 +94,40 @@ def find_point(
     if starts is None:
         grid = _search_grid(sightings, sought, search)
         starts, turn = _grid_minima(grid), _grid_turn(grid, settings)
-    places, offsets, costs = _separate_minima(starts, sightings, sought, search)
+    minima = _separate_minima(starts, sightings, sought, search)
+    places, costs = minima.places, minima.costs
     found = Finding(Status.OK, places[0], sought, count, candidates=places)
     if turn and (others := _moved(turn, float(costs[0]), sightings, sought, search)):
         note = "its ranges fit two places in turn: moved between stations?"
         return replace(found, status=Status.AMBIGUOUS, place=None, alternatives=others, note=note)
-    if others := equal_places(places, costs, settings.mirror_cost_gap):
+    faults = _fault_probabilities(minima, sightings, sought, search)
+    gaps = excluding_gaps(minima, faults, settings)
+    if others := equal_places(places, costs, gaps):
         return replace(found, status=Status.MIRROR_AMBIGUOUS, place=None, alternatives=others)
     if height is None:
         extra = height_covariance(places[0], sought, sightings)
         return replace(found, status=Status.WEAK_GEOMETRY, extra=extra)
     in_line = spread_ratio(sightings.points) < settings.min_singular_ratio
-    if in_line or not _is_supported(places[0], offsets[0], sightings, sought, search):
+    if in_line or not _is_supported(faults[0], settings):
         return replace(found, status=Status.WEAK_GEOMETRY)
     return found
 
 
-def _is_supported(
-    place: Vector2, offset: float, sightings: Sightings, height: float, search: Search
-) -> bool:
-    """Whether enough ranges, and most of them, agree with a place."""
-    view = sightings.times(1, height)
-    residuals, _ = view.residuals(place[None, :], np.array([offset]))
-    labels = search.model.labels(view.points, place)
-    _, faults = search.model.density(labels, view.sigmas).posterior(residuals)
+def _is_supported(faults: FloatArray, settings: GraphSettings) -> bool:
+    """Whether enough ranges, and most of them, agree with a place; (N,) probabilities of a fault there."""
     sound = int((faults < FAULTY).sum())
     # Two ranges meet somewhere whatever they are.
-    return sound >= search.settings.min_stations and 2 * sound > len(sightings.points)
+    return sound >= settings.min_stations and 2 * sound > len(faults)
+
+
+def _fault_probabilities(
+    minima: RangeFit, sightings: Sightings, height: float, search: Search
+) -> FloatArray:
+    """(K, N) how likely each range is a fault were each place right."""
+    view = sightings.times(len(minima.places), height)
+    residuals, _ = view.residuals(minima.places, minima.offsets)
+    labels = search.model.labels(sightings.points, minima.places[:, None, :])
+    return search.model.density(labels, view.sigmas).posterior(residuals)[1]
 
 
 def _moved(
@@ -139,9 +145,9 @@ def _moved(
     halves = sightings.part(slice(None, turn.split)), sightings.part(slice(turn.split, None))
     places, cost = np.zeros((2, 2)), 0.0
     for k, half in enumerate(halves):
-        rough, _, _ = refine_places(turn.places[k : k + 1], half, height, search, labelled=False)
-        fine, _, costs = refine_places(rough, half, height, search)
-        places[k], cost = fine[0], cost + float(costs[0])
+        rough = refine_places(turn.places[k : k + 1], half, height, search, labelled=False)
+        fine = refine_places(rough.places, half, height, search)
+        places[k], cost = fine.places[0], cost + float(fine.costs[0])
     apart = float(np.hypot(*(places[1] - places[0])))
     if apart < search.settings.twin_distance_m or single - cost < search.settings.moved_cost_gap:
         return ()
@@ -154,8 +160,8 @@ def _moved(
 
 def refine_places(
     starts: Points, sightings: Sightings, height: float, search: Search, labelled: bool = True
-) -> tuple[Points, FloatArray, FloatArray]:
-    """Nearest minimum of the cost to each start, with the offset as nuisance.
+) -> RangeFit:
+    """Nearest minimum of the cost to each start (K, 2), m, with the offset as nuisance.
 
     Args:
         starts: (K, 2) m.
@@ -163,9 +169,6 @@ def refine_places(
         height: of the sought point, m.
         search: what the ranges are judged by.
         labelled: whether the map is asked for the walls on the paths to each start.
-
-    Returns:
-        (K, 2) places, (K,) offsets and (K,) costs (negative log posterior).
     """
     model, view = search.model, sightings.times(len(starts), height)
     labels = (
@@ -175,8 +178,7 @@ def refine_places(
     )
     density = model.density(labels, view.sigmas)
     floor = LEAST_CURVATURE / model.sight_sigma**2
-    fit = fit_ranges(view, density, search.prior, starts, floor, coupled=False, still=1e-8)
-    return fit.places, fit.offsets, fit.costs
+    return fit_ranges(view, density, search.prior, starts, floor, coupled=False, still=1e-8)
 
 
 def _search_grid(sightings: Sightings, height: float, search: Search) -> Grid:
@@ -237,25 +239,25 @@ def _grid_turn(grid: Grid, settings: GraphSettings) -> Turn | None:
 
 def _separate_minima(
     starts: Points, sightings: Sightings, height: float, search: Search
-) -> tuple[Points, FloatArray, FloatArray]:
-    """Refined minima further than `twin_distance_m` apart, the best first: places, offsets, costs."""
-    rough, _, rough_costs = refine_places(starts, sightings, height, search, labelled=False)
-    twin = mirror_image(rough[[np.argmin(rough_costs)]], sightings.points)
-    places = np.vstack([rough, twin])
+) -> RangeFit:
+    """Refined minima further than `twin_distance_m` apart, the best first."""
+    rough = refine_places(starts, sightings, height, search, labelled=False)
+    twin = mirror_image(rough.places[[np.argmin(rough.costs)]], sightings.points)
     # Labels are those of where a place was: once more with those of where it went.
-    places, _, costs = refine_places(places, sightings, height, search)
+    fit = refine_places(np.vstack([rough.places, twin]), sightings, height, search)
     # An anchor hangs on a wall; on its other side the labels are others, and so is the minimum.
-    near = places[costs < costs.min() + HOPELESS]
+    near = fit.places[fit.costs < fit.costs.min() + HOPELESS]
     axes, _ = _own_axes(sightings.points)
-    places = np.vstack([near, places[np.argmin(costs)] + RING @ axes.T])
+    places = np.vstack([near, fit.places[np.argmin(fit.costs)] + RING @ axes.T])
     for _ in range(2):
-        places, offsets, costs = refine_places(places, sightings, height, search)
+        fit = refine_places(places, sightings, height, search)
+        places = fit.places
     kept: list[int] = []
-    for index in np.argsort(costs, kind="stable"):
+    for index in np.argsort(fit.costs, kind="stable"):
         gaps = np.linalg.norm(places[kept] - places[index], axis=1)
         if not (gaps <= search.settings.twin_distance_m).any():
             kept.append(int(index))
-    return places[kept], offsets[kept], costs[kept]
+    return fit.some(kept)
 
 
 def find_height(sightings: Sightings, search: Search) -> float:
@@ -263,6 +265,6 @@ def find_height(sightings: Sightings, search: Search) -> float:
 
     def cost(height: float) -> float:
         starts = _grid_minima(_search_grid(sightings, height, search))
-        return float(refine_places(starts, sightings, height, search, labelled=False)[2].min())
+        return float(refine_places(starts, sightings, height, search, labelled=False).costs.min())
 
     return float(min(height_candidates(sightings), key=cost))

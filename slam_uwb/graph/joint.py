@@ -74,9 +74,12 @@ def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
     """Find, learn and solve in turns until nothing moves; the scene with matches made honest."""
     # Poses by the matches alone first: chained ones are a poor place to look from.
     start = Variables(dict(scene.start.poses), {}, scene.prior.mean)
-    alone = _solve(scene, start, Found({}, {}), model, ())
-    scene = _with_honest_matches(scene, alone.optimum)
-    last = _solve(scene, alone.optimum.variables, alone.found, model, ())
+    matches = _match_factors(scene)
+    alone = _solve(scene, matches, start, Found({}, {}), model, ())
+    scene = _with_honest_matches(scene, matches, alone.optimum)
+    # Made once: what follows solves them tens of times.
+    matches = _match_factors(scene)
+    last = _solve(scene, matches, alone.optimum.variables, alone.found, model, ())
     for number in range(MAX_ROUNDS):
         present = last.optimum.variables
         links = usable_links(scene.problem, present.poses, scene.settings)
@@ -92,7 +95,8 @@ def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
             # In between, what was found has just been entered.
             if number != 1:
                 found = find_points(scene, model, present, links, found)
-        last = _solve(scene, _enter(scene, present, found), found, model, links, last.labels)
+        begin = _enter(scene, present, found)
+        last = _solve(scene, matches, begin, found, model, links, last)
         if number > LEARNING_ROUNDS and _is_settled(present, last.optimum.variables):
             break
     return scene, last
@@ -106,14 +110,15 @@ def _is_settled(before: Variables, after: Variables) -> bool:
     return same and movement(before, after) < STILL
 
 
-def _with_honest_matches(scene: Scene, optimum: Optimum) -> Scene:
+def _with_honest_matches(
+    scene: Scene, graph: gtsam.NonlinearFactorGraph, optimum: Optimum
+) -> Scene:
     """The scene with the covariances of its matches scaled to how well the matches agree.
 
     Where more matches than needed disagree by more than their covariances say, these are too small:
     all are multiplied by the variance of unit weight (chi-square by degrees of freedom). They are
     never made smaller.
     """
-    graph = _match_factors(scene)
     freedom = 3 * (graph.size() - (len(scene.start.group) - 1))
     if freedom <= 0:
         return scene
@@ -155,27 +160,33 @@ def _enter(scene: Scene, present: Variables, found: Found) -> Variables:
 
 def _solve(
     scene: Scene,
+    matches: gtsam.NonlinearFactorGraph,
     start: Variables,
     found: Found,
     model: LinkModel,
     links: tuple[LinkMeasurement, ...],
-    before: Labels | None = None,
+    before: Round | None = None,
 ) -> Round:
-    """The optimum near `start`, with labels as of there."""
+    """The optimum near `start`, with labels as of there; `before` is the last round."""
     lost = frozenset(start.poses.keys() - scene.start.poses.keys())
     table = build_range_table(scene.problem, links, start, found.heights(), scene.levers, lost)
-    labels = next_labels(model.labels(*table.ends(start)), before)
+    last = None if before is None else before.labels
+    labels = next_labels(model.labels(*table.ends(start)), last)
     ranges = weigh_ranges(table, labels.used, model)
-    fixed = _fixed_factors(scene, start, model if len(table.measured) else None)
-    optimum = solve_by_passes(fixed, ranges, start, Indices.of(scene.problem), scene.settings)
+    fixed = _fixed_factors(scene, matches, start, model if len(table.measured) else None)
+    near = before is not None and _is_settled(before.optimum.variables, start)
+    optimum = solve_by_passes(fixed, ranges, start, Indices.of(scene.problem), scene.settings, near)
     return Round(optimum, found, model, labels)
 
 
 def _fixed_factors(
-    scene: Scene, start: Variables, model: LinkModel | None
+    scene: Scene,
+    matches: gtsam.NonlinearFactorGraph,
+    start: Variables,
+    model: LinkModel | None,
 ) -> gtsam.NonlinearFactorGraph:
     """Matches and priors: all that does not depend on how long the ranges are."""
-    graph, indices = _match_factors(scene), Indices.of(scene.problem)
+    graph, indices = gtsam.NonlinearFactorGraph(matches), Indices.of(scene.problem)
     gauge = scene.start.gauge
     if gauge is not None and not (scene.start.in_site and start.anchors):
         graph.push_back(factors.gauge_factor(indices.stations[gauge], scene.start.poses[gauge]))

@@ -76,11 +76,11 @@ def needs_no_offsets(
     margin = -settings.no_offset_gain if told else settings.no_offset_gain
     clear, offset_clear = model.cleared(NO_OFFSET_SIGMA), model.cleared(model.anchor_sigma)
     clear, without = clear.fitted(_evidence(none, view, places, clear))
-    gain = min(
-        rival.fitted(_evidence(scene.prior, view, places, rival))[1] - without
-        for rival in (model, offset_clear)
-    )
-    return (clear, none) if gain > margin else None
+    # The cheap rival first: where links are behind walls it settles the question.
+    for rival in (offset_clear, model):
+        if rival.fitted(_evidence(scene.prior, view, places, rival))[1] - without <= margin:
+            return None
+    return clear, none
 
 
 def _placed_anchors(
@@ -109,7 +109,7 @@ def _evidence(
         density = candidate.density(labels, view.sigmas)
         floor = LEAST_CURVATURE / candidate.sight_sigma**2
         start = places if last is None else last.places
-        last = fit_ranges(view, density, prior, start, floor, coupled=True, start=last, still=1e-11)
+        last = fit_ranges(view, density, prior, start, floor, coupled=True, start=last, still=1e-9)
         return log_evidence_cost(last, prior)
 
     return cost

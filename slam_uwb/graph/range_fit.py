@@ -8,15 +8,19 @@ Laplace evidence (coupled).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Points
 from ..model.link_law import LinkDensity
 from ..model.survey import RangeOffset
 
 MAX_ITERATIONS = 40
+COLD_DAMPING, WARM_DAMPING = 1e-4, 1e-9
+"""Of the first step: from anywhere, and from where a fit of nearly the same problem ended."""
 ROUNDING = 1e-10
 """nats. The last steps change the cost by less than it is rounded by, and places still by a micrometre."""
 LEAST_CURVATURE = 0.02
@@ -58,6 +62,13 @@ class RangeFit:
     blocks: FloatArray
     """(A, 3, 3) Hessian of each point's place and offset."""
 
+    def some(self, rows: Sequence[int]) -> RangeFit:
+        """Some of the points, in that order."""
+        rows = list(rows)
+        return RangeFit(
+            self.places[rows], self.offsets[rows], self.common, self.costs[rows], self.blocks[rows]
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class OffsetPrior:
@@ -92,28 +103,92 @@ def fit_ranges(
     """
     common = prior.common.mean if start is None else start.common
     offsets = np.full(len(places), common) if start is None else start.offsets
+    problem = _Problem(view, density, prior, coupled, floor)
     state = np.column_stack([places, offsets])
-    costs = _cost(view, density, prior, state, common, coupled)
-    damping = np.full(len(places), 1e-4)
+    here = problem.expand(state, common)
+    damping = np.full(len(places), COLD_DAMPING if start is None else WARM_DAMPING)
     for _ in range(MAX_ITERATIONS):
-        gradient, blocks, exact = _expand(view, density, prior, state, common, coupled, floor)
-        newton = _newton_blocks(exact, blocks, _own_variance(prior, coupled))
-        step, common_step = _step(gradient, newton, prior, state, common, coupled, damping)
+        step, common_step = _step(problem, here, state, common, damping)
         trial, trial_common = state + step, common + common_step
-        trial_costs = _cost(view, density, prior, trial, trial_common, coupled)
-        better = trial_costs <= costs + ROUNDING
+        there = problem.expand(trial, trial_common)
+        better = there.costs <= here.costs + ROUNDING
         if coupled:
-            before, after = _total(costs, common, prior), _total(trial_costs, trial_common, prior)
-            total = after <= before + ROUNDING
-            better = np.full(len(places), total)
-            common = trial_common if total else common
+            before = _total(here.costs, common, prior)
+            better[:] = _total(there.costs, trial_common, prior) <= before + ROUNDING
+            common = trial_common if better.all() else common
         state = np.where(better[:, None], trial, state)
-        costs = np.where(better, trial_costs, costs)
+        here = here.replaced(better, there)
         damping = np.clip(np.where(better, damping * 0.1, damping * 10.0), 1e-12, 1e9)
         if np.abs(step).max() < still:
             break
-    _, blocks, _ = _expand(view, density, prior, state, common, coupled, floor)
-    return RangeFit(state[:, :2], state[:, 2], common, costs, blocks)
+    return RangeFit(state[:, :2], state[:, 2], common, here.costs, here.blocks)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Expansion:
+    """The cost of every point to second order in its place and offset."""
+
+    costs: FloatArray
+    """(A,)"""
+    gradient: FloatArray
+    """(A, 3)"""
+    blocks: FloatArray
+    """(A, 3, 3) Hessian with the least curvature."""
+    exact: FloatArray
+    """(A, 3, 3) Hessian as it is."""
+
+    def replaced(self, chosen: NDArray[np.bool_], other: _Expansion) -> _Expansion:
+        """This one, of the chosen points the other one."""
+        if chosen.all():
+            return other
+        matrices = chosen[:, None, None]
+        return _Expansion(
+            np.where(chosen, other.costs, self.costs),
+            np.where(chosen[:, None], other.gradient, self.gradient),
+            np.where(matrices, other.blocks, self.blocks),
+            np.where(matrices, other.exact, self.exact),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """What the points are fitted to."""
+
+    view: RangeView
+    density: LinkDensity
+    prior: OffsetPrior
+    coupled: bool
+    floor: float
+    """1/m^2"""
+
+    @property
+    def own_variance(self) -> float:
+        """m^2, of the offset of one point about the common one."""
+        common = 0.0 if self.coupled else self.prior.common.sigma**2
+        return self.prior.own_sigma**2 + common
+
+    def expand(self, state: FloatArray, common: float) -> _Expansion:
+        """At places and offsets (A, 3) and the common offset, m."""
+        residuals, directions = self.view.residuals(state[:, :2], state[:, 2])
+        costs, slope, curvature = self.density.expand(residuals)
+        jacobian = np.concatenate([directions, np.ones((*residuals.shape, 1))], axis=2)
+        turned = np.swapaxes(jacobian, 1, 2)
+        gradient = -(turned @ slope[..., None])[..., 0]
+        variance, off = self.own_variance, state[:, 2] - common
+        gradient[:, 2] += off / variance
+        floored = np.maximum(curvature, self.floor * self.density.weights)
+        blocks = turned @ (floored[..., None] * jacobian)
+        exact = turned @ (curvature[..., None] * jacobian)
+        # A range bends as well: its second derivative is (1 - d d^T) by its length.
+        slant = self.view.distances - state[:, 2:] - residuals
+        bend = slope / np.maximum(slant, 1e-9)
+        exact[:, :2, :2] += turned[:, :2] @ (bend[..., None] * directions)
+        exact[:, [0, 1], [0, 1]] -= bend.sum(axis=1)[:, None]
+        for hessian in (blocks, exact):
+            hessian[:, 2, 2] += 1.0 / variance
+            # A place straight below all that see it: 10 m instead of singular.
+            hessian[:, [0, 1], [0, 1]] += 1e-2
+        return _Expansion(costs.sum(axis=1) + 0.5 * off**2 / variance, gradient, blocks, exact)
 
 
 def log_evidence_cost(fit: RangeFit, prior: OffsetPrior) -> float:
@@ -131,47 +206,8 @@ def common_sigma(fit: RangeFit, prior: OffsetPrior) -> float:
     return float(_common_information(fit.blocks, prior) ** -0.5)
 
 
-def _own_variance(prior: OffsetPrior, coupled: bool) -> float:
-    return prior.own_sigma**2 + (0.0 if coupled else prior.common.sigma**2)
-
-
-def _cost(
-    view: RangeView, density: LinkDensity, prior: OffsetPrior, state: FloatArray, common: float,
-    coupled: bool,
-) -> FloatArray:  # fmt: skip
-    residuals, _ = view.residuals(state[:, :2], state[:, 2])
-    own = 0.5 * (state[:, 2] - common) ** 2 / _own_variance(prior, coupled)
-    return np.asarray(density.costs(residuals).sum(axis=1) + own)
-
-
 def _total(costs: FloatArray, common: float, prior: OffsetPrior) -> float:
     return float(costs.sum() + 0.5 * ((common - prior.common.mean) / prior.common.sigma) ** 2)
-
-
-def _expand(
-    view: RangeView, density: LinkDensity, prior: OffsetPrior, state: FloatArray, common: float,
-    coupled: bool, floor: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """(A, 3) gradient by place and offset and (A, 3, 3) Hessians: with the least curvature, and as it is."""
-    residuals, directions = view.residuals(state[:, :2], state[:, 2])
-    _, slope, curvature = density.expand(residuals)
-    jacobian = np.concatenate([directions, np.ones((*residuals.shape, 1))], axis=2)
-    gradient = -np.einsum("an,ani->ai", slope, jacobian)
-    variance = _own_variance(prior, coupled)
-    gradient[:, 2] += (state[:, 2] - common) / variance
-    floored = np.maximum(curvature, floor * density.weights)
-    blocks = np.swapaxes(jacobian, 1, 2) @ (floored[..., None] * jacobian)
-    exact = np.swapaxes(jacobian, 1, 2) @ (curvature[..., None] * jacobian)
-    # A range bends as well: its second derivative is (1 - d d^T) by its length.
-    slant = view.distances - state[:, 2:] - residuals
-    bend = slope / np.maximum(slant, 1e-9)
-    exact[:, :2, :2] += np.swapaxes(directions, 1, 2) @ (bend[..., None] * directions)
-    exact[:, [0, 1], [0, 1]] -= bend.sum(axis=1)[:, None]
-    for hessian in (blocks, exact):
-        hessian[:, 2, 2] += 1.0 / variance
-        # A place straight below all that see it: 10 m instead of singular.
-        hessian[:, [0, 1], [0, 1]] += 1e-2
-    return gradient, blocks, exact
 
 
 def _newton_blocks(exact: FloatArray, blocks: FloatArray, own_variance: float) -> FloatArray:
@@ -186,14 +222,14 @@ def _newton_blocks(exact: FloatArray, blocks: FloatArray, own_variance: float) -
 
 
 def _step(
-    gradient: FloatArray, blocks: FloatArray, prior: OffsetPrior, state: FloatArray, common: float,
-    coupled: bool, damping: FloatArray,
-) -> tuple[FloatArray, float]:  # fmt: skip
+    problem: _Problem, here: _Expansion, state: FloatArray, common: float, damping: FloatArray
+) -> tuple[FloatArray, float]:
     """(A, 3) Newton step of the points, and that of the common offset."""
-    damped = blocks.copy()
+    prior, gradient = problem.prior, here.gradient
+    damped = _newton_blocks(here.exact, here.blocks, problem.own_variance)
     diagonal = np.einsum("aii->ai", damped)
     diagonal += damping[:, None] * diagonal
-    if not coupled:
+    if not problem.coupled:
         return np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0]), 0.0
     inverse = np.linalg.inv(damped)
     pull = prior.own_sigma**-2

@@ -69,17 +69,21 @@ def usable_links(
     reasons = link_reasons(problem)
     links = [k for k, reason in zip(problem.links, reasons, strict=True) if reason is None]
     # Stations not placed yet have no neighbours.
-    nowhere = Pose2(math.inf, math.inf, 0.0)
+    nowhere = Pose2(math.nan, math.nan, 0.0)
     where = [poses.get(link.station, nowhere) for link in links]
     places = np.array([[pose.x, pose.y] for pose in where]).reshape(-1, 2)
-    anchors = np.array([link.anchor for link in links])
-    crowded = []
-    for link, place in zip(links, places, strict=True):
-        same = places[anchors == link.anchor] if np.isfinite(place).all() else place[None, :]
-        with np.errstate(invalid="ignore"):
-            near = np.hypot(*(same - place).T) < settings.shared_error_radius_m
-        crowded.append(replace(link, sigma=link.sigma * math.sqrt(max(1, int(near.sum())))))
-    return tuple(crowded)
+    rows: dict[AnchorId, list[int]] = {}
+    for row, link in enumerate(links):
+        rows.setdefault(link.anchor, []).append(row)
+    crowd = np.ones(len(links), dtype=np.intp)
+    for same in rows.values():
+        apart = places[same, None, :] - places[same]
+        near = np.hypot(apart[..., 0], apart[..., 1]) < settings.shared_error_radius_m
+        crowd[same] = np.maximum(near.sum(axis=1), 1)
+    return tuple(
+        link if count == 1 else replace(link, sigma=link.sigma * math.sqrt(count))
+        for link, count in zip(links, crowd.tolist(), strict=True)
+    )
 
 
 def anchor_sightings(
@@ -145,16 +149,18 @@ class RangeTable:
 
     def residuals(self, variables: Variables) -> FloatArray:
         """(R,) m, measured minus predicted minus offset."""
-        delta = np.diff(self.ends(variables), axis=0)[0]
-        slant = np.sqrt((delta**2).sum(axis=1) + self.rises**2)
-        return np.asarray(self.measured - self._offsets(variables) - slant)
+        return np.asarray(self.measured - self._offsets(variables) - self.slants(variables))
+
+    def slants(self, variables: Variables) -> FloatArray:
+        """(R,) m, between the points; a nanometre at least."""
+        first, second = self.ends(variables)
+        return np.maximum(np.sqrt(((second - first) ** 2).sum(axis=1) + self.rises**2), 1e-9)
 
     def directions(self, variables: Variables) -> FloatArray:
         """(R, 2) derivative of the predicted range by the second point."""
-        delta = np.diff(self.ends(variables), axis=0)[0]
-        slant = np.sqrt((delta**2).sum(axis=1) + self.rises**2)
+        first, second = self.ends(variables)
         # Straight below the anchor the derivative does not exist; zero is its mean.
-        return np.asarray(delta / np.maximum(slant, 1e-9)[:, None])
+        return np.asarray((second - first) / self.slants(variables)[:, None])
 
     def _offsets(self, variables: Variables) -> FloatArray:
         """(R,) m: of the anchor's links; between anchors the common one."""

@@ -84,15 +84,17 @@ def mirror_image(places: Points, points: Points) -> Points:
     return np.asarray(places - 2.0 * ((places - centre) @ across)[:, None] * across)
 
 
-def equal_places(places: Points, costs: FloatArray, gap: float) -> tuple[Alternative, ...]:
+def equal_places(
+    places: Points, costs: FloatArray, gaps: FloatArray | float
+) -> tuple[Alternative, ...]:
     """The places that explain the ranges nearly as well as the best, or nothing where it is alone.
 
     Args:
         places: (K, 2) m, the best first.
         costs: (K,) negative log likelihoods.
-        gap: of the cost, within which a place is not excluded.
+        gaps: (K,) or one for all, of the cost, within which a place is not excluded.
     """
-    near = costs <= costs[0] + gap
+    near = costs <= costs[0] + gaps
     if near.sum() < 2:
         return ()
     weights = np.exp(costs[0] - costs[near])

@@ -58,18 +58,12 @@ class ErrorTable:
     coefficients: FloatArray
     """(C, W, 4) of the cubic in each cell, highest power first; W = MAX_WALLS + 1."""
 
-    def densities(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Densities of errors (...,), their slopes and curvatures, each (..., W), in powers of 1/m."""
+    def densities(self, errors: FloatArray) -> FloatArray:
+        """(..., W) densities of errors (...,), 1/m."""
         cell, t = self._cell(errors)
         c3, c2, c1, c0 = np.moveaxis(self.coefficients[cell], -1, 0)
         t = t[..., None]
-        inside = (cell >= 0)[..., None]
-        value = (((c3 * t + c2) * t + c1) * t + c0) * inside
-        return (
-            value,
-            ((3.0 * c3 * t + 2.0 * c2) * t + c1) * inside,
-            (6.0 * c3 * t + 2.0 * c2) * inside,
-        )
+        return np.asarray((((c3 * t + c2) * t + c1) * t + c0) * (cell >= 0)[..., None])
 
     def mixture(self, errors: FloatArray, walls: FloatArray) -> FloatArray:
         """(...,) density of errors (...,) where all links have the same probabilities of walls (W,)."""
@@ -77,6 +71,20 @@ class ErrorTable:
         c3, c2, c1, c0 = np.einsum("cwk,w->kc", self.coefficients, walls)
         value = ((c3[cell] * t + c2[cell]) * t + c1[cell]) * t + c0[cell]
         return np.asarray(value * (cell >= 0))
+
+    def mixtures(
+        self, errors: FloatArray, walls: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Density, slope and curvature, each (...,), of errors (...,) with probabilities of walls (..., W)."""
+        cell, t = self._cell(errors)
+        mixed = np.einsum("...wk,...w->...k", self.coefficients[cell], walls)
+        mixed *= (cell >= 0)[..., None]
+        c3, c2, c1, c0 = np.moveaxis(mixed, -1, 0)
+        return (
+            ((c3 * t + c2) * t + c1) * t + c0,
+            (3.0 * c3 * t + 2.0 * c2) * t + c1,
+            6.0 * c3 * t + 2.0 * c2,
+        )
 
     def _cell(self, errors: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """The cell of each error, -1 outside of the table, and m from the cell's start."""
@@ -88,23 +96,36 @@ class ErrorTable:
 
 @lru_cache(maxsize=16)
 def error_table(parameters: ErrorParameters) -> ErrorTable:
-    """The table of one parameter set (3 ms; the last few are kept)."""
-    from scipy.interpolate import CubicSpline
-
+    """The table of one parameter set (1 ms; the last few are kept)."""
     frequency = 2.0 * np.pi * np.fft.rfftfreq(_NODES, _STEP_M)
     gauss = np.exp(-0.5 * (parameters.sight_sigma * frequency) ** 2)
     reflection = 1.0 / (1.0 + 1j * frequency * _REFLECTION_M)
     scale = parameters.wall_delay / parameters.wall_shape
-    walls = np.arange(1, MAX_WALLS + 1)[:, None]
-    delayed = gauss * (1.0 + 1j * frequency * scale) ** (-parameters.wall_shape * walls)
+    delay = (1.0 + 1j * frequency * scale) ** (-parameters.wall_shape)
     reflected = parameters.reflected_share
     sight = gauss * (1.0 - reflected + reflected * reflection)
+    delayed = gauss * np.cumprod(np.broadcast_to(delay, (MAX_WALLS, len(delay))), axis=0)
     spectra = np.vstack([sight, delayed]) * np.exp(1j * frequency * _SHORTEST_M)
-    values = np.fft.irfft(spectra, _NODES, axis=1) / _STEP_M
-    count = round((_LONGEST_M - _SHORTEST_M) / _STEP_M) + 1
-    nodes = _SHORTEST_M + _STEP_M * np.arange(count)
-    spline = CubicSpline(nodes, np.maximum(values[:, :count], 0.0), axis=1)
-    return ErrorTable(parameters, np.ascontiguousarray(np.moveaxis(spline.c, 0, 2)))
+    # The samples of a cubic B-spline are its weights smoothed by (1, 4, 1) / 6: undone in the spectrum.
+    smoothing = (2.0 + np.cos(frequency * _STEP_M)) / 3.0
+    count = round((_LONGEST_M - _SHORTEST_M) / _STEP_M)
+    periods = np.fft.irfft(spectra / smoothing, _NODES, axis=1).T / _STEP_M
+    weights = np.vstack([periods[-1:], periods[: count + 2]])
+    return ErrorTable(parameters, np.ascontiguousarray(_cubics(weights)))
+
+
+def _cubics(weights: FloatArray) -> FloatArray:
+    """(C, W, 4) cubics in m, highest power first, of the cells between the weights (C + 3, W) of B-splines."""
+    b0, b1, b2, b3 = (weights[k : len(weights) - 3 + k] for k in range(4))
+    return np.stack(
+        [
+            (b3 - b0 + 3.0 * (b1 - b2)) / (6.0 * _STEP_M**3),
+            (b0 - 2.0 * b1 + b2) / (2.0 * _STEP_M**2),
+            (b2 - b0) / (2.0 * _STEP_M),
+            (b0 + 4.0 * b1 + b2) / 6.0,
+        ],
+        axis=-1,
+    )
 
 
 def fault_density(
@@ -147,9 +168,9 @@ class LinkDensity:
         """Negative log likelihood of errors (..., L), m, its slope (1/m) and curvature (1/m^2), each (..., L)."""
         share = self.table.parameters.fault_share
         mixed = [
-            (1.0 - share) * np.einsum("...w,...w->...", self.walls, density) + share * fault
+            (1.0 - share) * density + share * fault
             for density, fault in zip(
-                self.table.densities(errors),
+                self.table.mixtures(errors, self.walls),
                 fault_density(errors, self.table.parameters),
                 strict=True,
             )
@@ -161,7 +182,7 @@ class LinkDensity:
     def posterior(self, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(..., L, W) probability of each number of walls after seeing the error, and (..., L) of a fault."""
         share = self.table.parameters.fault_share
-        walls = (1.0 - share) * self.walls * self.table.densities(errors)[0]
+        walls = (1.0 - share) * self.walls * self.table.densities(errors)
         fault = share * fault_density(errors, self.table.parameters)[0]
         total = walls.sum(axis=-1) + fault
         return walls / total[..., None], fault / total

@@ -199,10 +199,41 @@ def test_faults_are_counted_and_named(load):
     assert 0 < found.named <= 4
     # Of the anchors that it cannot place, the links are not called wrong.
     assert found.named_wrongly == 0
+    # One of five links 2.4 m too short: a place 2.4 m off explains it by one more wall.
+    assert found.spoiled.far == 0
     assert found.clean.rmse < found.spoiled.rmse
     row = load.table_robustness.fault_row("two-rooms", [found])
     assert len(row) == len(load.table_robustness.FAULT_COLUMNS)
     assert float(row[3]) == pytest.approx(found.spoiled.rmse / found.clean.rmse, abs=0.006)
+
+
+def jump_one_link_an_anchor(links, sign, rng):
+    """Near enough for walls, or another side of the stations, to explain it: 1.5 to 4 m."""
+    jumped = list(links)
+    for anchor in sorted({link.anchor for link in links}):
+        size = rng.uniform(1.5, 4.0)
+        rows = [k for k, link in enumerate(links) if link.anchor == anchor]
+        row = rng.choice([k for k in rows if links[k].distance + sign * size > 0.3])
+        link, jump = links[row], sign * size
+        jumped[row] = replace(link, distance=link.distance + jump, mean=link.mean + jump)
+    return jumped
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_one_wrong_link_of_five_makes_no_anchor_silently_wrong(load, seed):
+    made = simulate_survey(two_rooms(), seed, lidar=Lidar(duration=SHORT))
+    matched = load.matched.match_survey(made.survey, made.reference, Settings())
+    scores = []
+    for draw in range(2):
+        for sign in (-1.0, 1.0):
+            rng = np.random.default_rng([seed, draw])
+            links = jump_one_link_an_anchor(matched.problem.links, sign, rng)
+            solution = matched.with_links(links).solved(Settings().graph)
+            scores.append(load.scores.score(solution, made.reference))
+
+    assert [s.far for s in scores] == [0] * 4
+    # Doubt where it is due, not everywhere.
+    assert sum(s.ok for s in scores) >= 6
 
 
 def test_links_in_sight_are_all_heard_and_as_good_by_least_squares(load):

@@ -49,6 +49,12 @@ class GraphSettings(Section):
         ge=0.0,
         description="a second place within this much cost (negative log likelihood) is not excluded",
     )
+    fault_cost_gap: float = Field(
+        8.0,
+        ge=0.0,
+        description="the same for a place at which one range is a fault that the best one explains: how "
+        "often devices fail is not known beforehand",
+    )
     moved_cost_gap: float = Field(
         12.0,
         ge=0.0,

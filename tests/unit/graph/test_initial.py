@@ -91,6 +91,48 @@ def test_a_range_that_is_too_short_is_a_fault_and_moves_nothing():
     np.testing.assert_allclose(faulty.place, sound.place, atol=LEAN)
 
 
+def test_a_place_that_hangs_on_one_wrong_range_is_not_called_ok():
+    # The range that is 2.2 m short meets the others 2.4 m away, where the last one is long: likelier, at
+    # one fault in fifty links, than that it is one.
+    points = np.array([[1.2, 2.9], [3.6, 3.4], [4.1, 1.2], [5.9, 3.8], [7.6, 1.4]])
+    seen = sight(points, (3.2, 4.4), errors=np.array([0.0, 0.0, -2.2, 0.0, 0.3]))
+
+    believed = find_point(seen, 2.5, search(0.1, 0.1, fault_cost_gap=0.0))
+    finding = find_point(seen, 2.5, search(0.1, 0.1))
+
+    assert believed.status is Status.OK
+    assert np.hypot(*(believed.place - (3.2, 4.4))) > 2.0
+    assert (finding.status, finding.place) == (Status.MIRROR_AMBIGUOUS, None)
+    wrong, right = finding.alternatives
+    assert math.hypot(wrong.x - believed.place[0], wrong.y - believed.place[1]) < 1e-6
+    assert math.hypot(right.x - 3.2, right.y - 4.4) < 0.2
+    assert wrong.weight + right.weight == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_no_single_gross_fault_makes_a_sure_place_wrong(sign):
+    doubted = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points, place = rng.uniform((0, 0), (9, 6), (8, 2)), rng.uniform((1, 1), (8, 5))
+        errors = rng.normal(0.0, 0.06, 8)
+        # The farthest one, so that a short range stays a range.
+        worst = int(np.argmax(np.hypot(*(points - place).T)))
+        errors[worst] += sign * rng.uniform(1.5, 4.0)
+        seen = sight(points, place, errors=errors)
+
+        finding = find_point(seen, 2.5, SEARCH)
+
+        if finding.status is not Status.OK:
+            doubted += 1
+            continue
+        fit = refine_places(finding.place[None, :], seen, 2.5, SEARCH)
+        covariance = GraphSettings().anchor_inflation * np.linalg.inv(fit.blocks[0])[:2, :2]
+        off = finding.place - place
+        assert off @ np.linalg.inv(covariance) @ off < 5.0**2
+    assert doubted < 4
+
+
 def test_two_points_do_not_place_a_third():
     finding = find_point(sight(ROOM[:2], (9.0, 6.0)), 2.5, SEARCH)
 
@@ -153,10 +195,11 @@ def test_the_offset_is_a_nuisance_with_its_prior():
 def test_refining_ends_in_a_minimum():
     seen = sight(ROOM, (9.0, 6.0), errors=np.array([0.4, -0.1, 0.9, 0.05, 0.0, 1.2]))
 
-    (place,), _, (cost,) = refine_places(np.array([[8.0, 5.0]]), seen, 2.5, SEARCH)
+    fit = refine_places(np.array([[8.0, 5.0]]), seen, 2.5, SEARCH)
+    (place,), (cost,) = fit.places, fit.costs
 
     ring = place + 0.01 * np.array([[math.cos(t), math.sin(t)] for t in np.arange(0, 6.28, 0.4)])
-    around = refine_places(ring, seen, 2.5, SEARCH)[0]
+    around = refine_places(ring, seen, 2.5, SEARCH).places
     np.testing.assert_allclose(around, np.tile(place, (len(ring), 1)), atol=1e-4)
     assert cost > 0.0
 

@@ -4,7 +4,7 @@ from slam_uwb.graph.settling import Labels, next_labels
 
 
 def iterate(function, start, rounds):
-    labels = Labels(start, np.zeros_like(start), np.zeros_like(start))
+    labels = Labels(start)
     for _ in range(rounds):
         labels = next_labels(function(labels.used), labels)
     return labels.used

@@ -34,7 +34,7 @@ def mixture(parameters=PARAMETERS[0], walls=(0.3, 0.4, 0.2, 0.07, 0.03), weight=
 
 @pytest.mark.parametrize("parameters", PARAMETERS)
 def test_every_density_integrates_to_one_and_has_the_mean_of_its_walls(parameters):
-    value, _, _ = error_table(parameters).densities(GRID)
+    value = error_table(parameters).densities(GRID)
 
     np.testing.assert_allclose(value.sum(axis=0) * 0.005, 1.0, atol=2e-5)
     # n walls delay by n times the mean; reflections (0.3 m, a share of 0.08) by 2.4 cm.
@@ -60,7 +60,7 @@ def test_one_wall_is_a_gaussian_convolved_with_a_gamma_density():
     delays, shares = (edges[1:] + edges[:-1]) / 2, np.diff(gamma.cdf(edges, 1.3, scale=0.5 / 1.3))
     errors = np.array([-0.2, 0.0, 0.1, 0.4, 1.0, 3.0])
 
-    value, _, _ = error_table(parameters).densities(errors)
+    value = error_table(parameters).densities(errors)
 
     noise = np.exp(-0.5 * ((errors[:, None] - delays) / 0.1) ** 2) / (0.1 * math.sqrt(2 * math.pi))
     np.testing.assert_allclose(value[:, 1], noise @ shares, rtol=2e-4, atol=1e-6)
@@ -70,7 +70,7 @@ def test_walls_without_delay_are_line_of_sight():
     parameters = ErrorParameters(sight_sigma=0.1, wall_delay=1e-6, reflected_share=0.0)
     errors = np.linspace(-0.4, 0.4, 33)
 
-    value, _, _ = error_table(parameters).densities(errors)
+    value = error_table(parameters).densities(errors)
 
     normal = np.exp(-0.5 * (errors / 0.1) ** 2) / (0.1 * math.sqrt(2 * math.pi))
     for column in value.T:
