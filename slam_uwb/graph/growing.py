@@ -23,7 +23,8 @@ from ..model.settings import GraphSettings
 from ..model.solution import Status
 from ..model.survey import Anchor, AnchorId, RangeOffset, Station, StationId
 from . import factors
-from .incremental import feed_ranges, solver_error
+from .feeding import feed_ranges
+from .incremental import solver_error
 from .initial import Search, find_point
 from .range_fit import OffsetPrior
 from .ranges import RangeTable, WeighedRanges, weigh_ranges

@@ -154,7 +154,8 @@ class RangeTable:
     def slants(self, variables: Variables) -> FloatArray:
         """(R,) m, between the points; a nanometre at least."""
         first, second = self.ends(variables)
-        return np.maximum(np.sqrt(((second - first) ** 2).sum(axis=1) + self.rises**2), 1e-9)
+        square = ((second - first) ** 2).sum(axis=1) + self.rises**2
+        return np.asarray(np.maximum(np.sqrt(square), 1e-9))
 
     def directions(self, variables: Variables) -> FloatArray:
         """(R, 2) derivative of the predicted range by the second point."""

@@ -50,10 +50,10 @@ class GraphSettings(Section):
         description="a second place within this much cost (negative log likelihood) is not excluded",
     )
     fault_cost_gap: float = Field(
-        8.0,
+        7.0,
         ge=0.0,
-        description="the same for a place at which one range is a fault that the best one explains: how "
-        "often devices fail is not known beforehand",
+        description="the same for a place at which one range is a fault that the best one explains: even "
+        "odds of a fault, as how often devices fail is not known beforehand",
     )
     moved_cost_gap: float = Field(
         12.0,
