@@ -57,16 +57,17 @@ def spanning_tree(problem: GraphProblem) -> tuple[ScanMatch, ...]:
     """Matches that reach every station once: the sequence's first, then those with the best score.
 
     Where the sequence is not given this is the tree of maximum score; where it is, further stations
-    and gaps are attached by that tree (Kruskal 1956).
+    and gaps are attached by that tree (Kruskal 1956). Matches that leave a direction free come last:
+    a chain has no other to hold it.
     """
     order = {frozenset(pair): rank for rank, pair in enumerate(problem.sequence or ())}
     last = len(order)
 
-    def priority(match: ScanMatch) -> tuple[int, float, str, str]:
+    def priority(match: ScanMatch) -> tuple[bool, int, float, str, str]:
         pair = frozenset((match.target, match.source))
         # Names break ties, so that the order of the input does not matter.
         first, second = sorted((match.target, match.source))
-        return order.get(pair, last), -match.score, first, second
+        return match.degenerate, order.get(pair, last), -match.score, first, second
 
     group = {station.id: station.id for station in problem.stations}
 

@@ -49,6 +49,13 @@ class Growth:
         self.priority[pair] = priority
         heapq.heappush(self.unseen, (-priority, next(self.order), pair))
 
+    def ask_again(self) -> None:
+        """Have all pairs that hypotheses join looked at."""
+        for one in sorted(self.beside):
+            for other in sorted(self.beside[one]):
+                if one < other:
+                    self.add_unseen((one, other), math.inf)
+
     def replace(self, old: BlockPair, new: Block) -> None:
         """Put a block in place of two; how it merges with others is looked at when that comes first."""
         number = max(self.blocks) + 1
@@ -91,7 +98,7 @@ class Growth:
 
 
 def all_apart(scans: Mapping[StationId, ScanIndex], hypotheses: Sequence[ScanMatch]) -> Growth:
-    """Every station a block, and no two of them looked at."""
+    """Every station a block, and no two of them to be looked at yet."""
     number = {station: index for index, station in enumerate(scans)}
     joined = {tuple(sorted((number[m.target], number[m.source]))) for m in hypotheses}
     growth = Growth(
@@ -102,5 +109,4 @@ def all_apart(scans: Mapping[StationId, ScanIndex], hypotheses: Sequence[ScanMat
     for a, b in sorted(joined):
         growth.beside[a].add(b)
         growth.beside[b].add(a)
-        growth.add_unseen((a, b), math.inf)
     return growth

@@ -23,9 +23,9 @@ from .growth import BestMerge, BlockPair, Growth, all_apart
 from .index import ScanIndex
 from .merging import RangeGain, best_merge, no_ranges, touching_stations
 
-# Hundreds of wrong hypotheses join two large blocks, and some places have more of them than the right
-# one. Few are enough while blocks grow; all are looked at in the end.
-_PLACES = 40
+# The places with most support are nearly always enough. Hundreds of wrong hypotheses join two large blocks,
+# though, and some places have more of them than the right one: what is left apart is asked for all.
+_PLACES = 10
 _PART_STATIONS = 3  # blocks of fewer stations have not drifted
 _DRIFT_M = 10.0  # evidence that drift may cost; at wrong places it is ten times as much
 
@@ -63,25 +63,23 @@ def place_stations(
         block alone.
     """
     touching = touching_stations(hypotheses)
-    thorough = partial(
-        best_merge, scans=scans, touching=touching, settings=settings, range_gain=range_gain
-    )
-    best = partial(thorough, most=_PLACES)
     growth = all_apart(scans, hypotheses)
     for match in firm:
         _merge_firmly(growth, match, scans, settings)
     settled = partial(_settled, scans=scans, settings=settings, settle=settle)
-    done: set[int] = set()
-    while True:
-        merged = _next_merge(growth, best, scans, settings)
-        if merged is None and _settle_parts(growth, done, settled):
-            best = thorough
-            continue
-        merged = merged or _second_look(growth.blocks, best, scans, settings, settled)
-        if merged is None:
-            break
-        growth.replace(*merged)
-        progress("placing stations", len(scans) - len(growth.blocks), len(scans) - 1)
+    for most in (_PLACES, None):
+        growth.ask_again()
+        best = partial(
+            best_merge, scans=scans, touching=touching, settings=settings, range_gain=range_gain, most=most
+        )  # fmt: skip
+        done: set[int] = set()
+        while merged := (
+            _next_merge(growth, best, scans, settings)
+            or _settled_merge(growth, done, settled, best, scans, settings)
+            or _second_look(growth.blocks, best, scans, settings, settled)
+        ):
+            growth.replace(*merged)
+            progress("placing stations", len(scans) - len(growth.blocks), len(scans) - 1)
     return _largest_first(growth.blocks.values(), scans)
 
 
@@ -126,8 +124,15 @@ def _next_merge(
     return pair, merge_blocks(a, b, merge.a_T_b, scans, settings)
 
 
-def _settle_parts(growth: Growth, done: set[int], settled: Callable[[Block], Block]) -> bool:
-    """Settle the blocks that have grown since they last were and might merge with others; whether there were any.
+def _settled_merge(
+    growth: Growth,
+    done: set[int],
+    settled: Callable[[Block], Block],
+    best: BestMerge,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> tuple[BlockPair, Block] | None:
+    """The next merge once the blocks have settled that have grown since they last did, and join others.
 
     Small errors add up within a block as it grows, and a merge that closes a loop then denies walls at the
     right place too.
@@ -140,7 +145,7 @@ def _settle_parts(growth: Growth, done: set[int], settled: Callable[[Block], Blo
     for number in parts:
         growth.move(number, settled(growth.blocks[number]))
     done.update(parts)
-    return bool(parts)
+    return _next_merge(growth, best, scans, settings)
 
 
 def _second_look(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,18 @@ def test_the_sequence_comes_first_and_gaps_are_filled():
     tree = spanning_tree(problem("abcd", matches, sequence=(("a", "b"), ("c", "b"), ("d", "e"))))
 
     assert pairs(tree) == {("a", "b"), ("b", "c"), ("b", "d")}
+
+
+def test_a_match_that_leaves_a_direction_free_is_the_last_resort():
+    free = replace(match("a", "b", score=9.0), degenerate=True)
+    around = [match("b", "c"), match("a", "c")]
+    sequence = (("a", "b"),)
+    assert pairs(spanning_tree(problem("abc", [free, *around], sequence))) == {
+        ("b", "c"),
+        ("a", "c"),
+    }
+    # Where nothing else reaches a station, it holds two directions of three.
+    assert pairs(spanning_tree(problem("abc", [free, around[0]]))) == {("a", "b"), ("b", "c")}
 
 
 def test_the_tree_does_not_depend_on_the_order_of_equal_scores():

@@ -28,6 +28,7 @@ def linked(weights, asked=None):
 
 def grown(growth, best):
     """Priorities of all merges in turn."""
+    growth.ask_again()
     priorities = []
     while (found := growth.next_merge(best)) is not None:
         pair, merge = found
@@ -82,6 +83,7 @@ def test_blocks_merged_from_outside_are_asked_again(three_room_scans):
     s1, s2, s3, *_ = three_room_scans
     scans = {name: three_room_scans[name] for name in (s1, s2, s3)}
     growth = all_apart(scans, joined((s1, s3)))
+    growth.ask_again()
     assert growth.next_merge(linked({})) is None
     a, b = growth.blocks[0], growth.blocks[1]
     growth.replace((0, 1), Block({**a.poses, **b.poses}, {**a.seen, **b.seen}))

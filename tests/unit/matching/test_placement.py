@@ -13,8 +13,8 @@ from slam_uwb.matching.merging import best_merge, no_ranges, touching_stations
 from slam_uwb.matching.placement import (
     _next_merge,
     _second_look,
-    _settle_parts,
     _settled,
+    _settled_merge,
     place_stations,
 )
 from slam_uwb.model.geometry import Pose2
@@ -197,13 +197,30 @@ def test_parts_that_drifted_merge_once_their_stations_may_move(
     assert _next_merge(growth, best, three_room_scans, settings) is None
     settled = partial(_settled, scans=three_room_scans, settings=settings, settle=settle)
     done = set()
-    assert _settle_parts(growth, done, settled)
-    pair, merged = _next_merge(growth, best, three_room_scans, settings)
+    pair, merged = _settled_merge(growth, done, settled, best, three_room_scans, settings)
     assert pair == (0, 1)
+    assert done == {0, 1}
     assert merged.poses.keys() == truth.keys()
     assert_at_the_truth(merged.poses, truth)
-    # Nothing has grown since: there is nothing to settle again.
-    assert not _settle_parts(growth, done, settled)
+
+
+def test_blocks_that_have_not_grown_are_not_settled_again(
+    drifted_parts, three_room_scans, settings
+):
+    growth = Growth(dict(enumerate(drifted_parts)), {0: {1}, 1: {0}}, {})
+    asked = []
+
+    def settled(block):
+        asked.append(block)
+        return block
+
+    def never(_a, _b):
+        return None
+
+    done = set()
+    for _ in range(2):
+        assert _settled_merge(growth, done, settled, never, three_room_scans, settings) is None
+    assert asked == list(drifted_parts)
 
 
 def test_parts_that_settling_alone_leaves_apart_get_a_second_look(
