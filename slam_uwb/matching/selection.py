@@ -21,6 +21,7 @@ from .rejection import with_reasons
 from .rematching import leave_free_directions, rematch_pairs, with_firm, within
 from .spanning import in_first_frame, largest_group, spanning_placement
 
+_ROUNDS = 2
 _SETTLING = 2  # what a free direction still pulls shrinks by two orders of magnitude each time
 
 Adjust = Callable[[Mapping[StationId, Pose2], Sequence[ScanMatch]], dict[StationId, Pose2]]
@@ -135,7 +136,9 @@ def _until_still(
 
     Matching again and moving the stations by turns; what then no longer connects is left out.
     """
-    placement = adjust(placement, rematch(placement))
+    # Real walls do not meet exactly: a second round still moves stations by millimetres.
+    for _ in range(_ROUNDS):
+        placement = adjust(placement, rematch(placement))
     used = rematch(placement, until_still=True)
     placement = largest_group(placement, used)
     used = within(placement, used)
