@@ -23,7 +23,7 @@ SEED = 1
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--sizes", default="18,90", help="stations: of 18, 90, 300, 1000")
-    parser.addoption("--batch", type=int, default=6, help="surveys of the batch (the issue: 40)")
+    parser.addoption("--batch", type=int, default=6, help="surveys of the batch")
     parser.addoption("--graph", type=int, default=3000, help="stations of the largest drawn graph")
 
 
