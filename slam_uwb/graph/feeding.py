@@ -74,6 +74,8 @@ def anchor_bends(
         return []
     residuals, slopes, touching = ranges.touching(present, safe=False)
     curvatures = ranges.density.expand(residuals)[2]
+    if np.allclose(curvatures, touching):
+        return []  # Gaussian errors: the steps are Gauss's, which alone end sooner
     directions = table.directions(present)
     jacobian = np.column_stack([directions, np.ones(len(directions))])
     squares = jacobian[:, :, None] * jacobian[:, None, :]

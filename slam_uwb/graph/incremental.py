@@ -23,6 +23,9 @@ from .feeding import anchor_bends, feed_ranges
 from .ranges import RangeTable, WeighedRanges
 from .variables import Indices, Variables, from_values, movement, to_values
 
+# A cost that so often changed by no more than it is rounded by has nothing more to say.
+_SILENT_PASSES = 4
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
@@ -65,7 +68,7 @@ def solve_by_passes(
     values = to_values(start, indices, with_offset=len(table.measured) > 0)
     best, best_values, best_cost = start, values, _cost(fixed, ranges, start, values)
     trust, worse, slots, step = factors.WEAK_PLACE_SIGMA, not near, list[int](), math.inf
-    bent = True
+    bent, silent = True, 0
     for passes in range(1, settings.max_passes + 1):
         fed = feed_ranges(ranges, best, best_values, indices, safe=worse)
         fed += _leashes(best, indices, table, trust)
@@ -78,11 +81,14 @@ def solve_by_passes(
         # Steps that grow where the cost changes by no more than it is rounded by swing about the optimum.
         gain, rounding = best_cost - cost, 1e-11 * (1.0 + abs(best_cost))
         worse = gain < -rounding or (gain < rounding and moved >= step)
+        silent = silent + 1 if abs(gain) < rounding else 0
         step = moved
         if not worse:
             best, best_values, best_cost = present, estimate, cost
         # On a short leash a small step says nothing.
         if moved < settings.tolerance_m and (worse or trust >= 0.1):
+            break
+        if silent == _SILENT_PASSES:
             break
         trust = min(1.0, trust) / 3.0 if worse else min(factors.WEAK_PLACE_SIGMA, 2.0 * trust)
     return _finish(fixed, ranges, best, indices, passes)

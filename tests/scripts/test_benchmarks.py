@@ -48,6 +48,12 @@ def test_both_solvers_of_the_drawn_graph_agree(load):
     assert 0.05 < load("joint_graph").gap_m(drawn.start, drawn.truth) <= 0.2 + 1e-9
 
 
+def test_passes_end_where_the_cost_has_nothing_more_to_say(load):
+    """At a thousand stations steps stay above the tolerance for ever: rounding moves them."""
+    _, passes = load("joint_graph").solve_ours(load("joint_graph").draw_graph(1000, 8, 6000))
+    assert passes <= 30
+
+
 def test_the_page_judges_by_the_limits(load, tmp_path):
     def bench(seconds, **info):
         return {"stats": {"median": seconds}, "extra_info": {"load": [0.5, 0.5, 0.5], **info}}
