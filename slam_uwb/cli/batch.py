@@ -23,45 +23,51 @@ if TYPE_CHECKING:
 SUMMARY = "summary.csv"
 
 
+_FoldersArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="DIR...",
+        show_default=False,
+        help="Survey folders, or folders that hold surveys at any depth.",
+    ),
+]
+_OutOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="OUT",
+        show_default=False,
+        help="Folder to write: a solution folder a survey, and summary.csv. What an earlier "
+        "batch solved there is taken where survey, settings and version are the same.",
+    ),
+]
+_WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        show_default="as many as there are processors",
+        help="Processes, each with one survey at a time.",
+    ),
+]
+_SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        show_default=False,
+        help="Solve on the workers of this Dask scheduler (tcp://host:port) instead; they have "
+        "this software and see the same files under the same paths.",
+    ),
+]
+
+
 def batch(
-    folders: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR...",
-            show_default=False,
-            help="Survey folders, or folders that hold surveys at any depth.",
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="OUT",
-            show_default=False,
-            help="Folder to write: a solution folder a survey, and summary.csv. What an earlier "
-            "batch solved there is taken where survey, settings and version are the same.",
-        ),
-    ],
+    folders: _FoldersArgument,
+    out: _OutOption,
     mode: ModeOption = None,
     pairs: PairsOption = None,
     settings: SettingsOption = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            show_default="as many as there are processors",
-            help="Processes, each with one survey at a time.",
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            show_default=False,
-            help="Solve on the workers of this Dask scheduler (tcp://host:port) instead; they have "
-            "this software and see the same files under the same paths.",
-        ),
-    ] = None,
+    workers: _WorkersOption = None,
+    scheduler: _SchedulerOption = None,
     as_json: JsonOption = False,
     _verbose: VerboseOption = False,
 ) -> None:

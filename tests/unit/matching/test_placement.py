@@ -176,17 +176,22 @@ def drifted_parts(three_room_scans, three_room_poses, settings):
     return part(("s1", "s2", "s3"), "s3", drift), part(("s4", "s5", "s6", "s7"), "s4", drift)
 
 
-def test_parts_that_drifted_merge_once_their_stations_may_move(
-    three_room_scans, three_room_hypotheses, three_room_poses, drifted_parts, settings
-):
-    truth = three_room_poses
-    best = partial(
+@pytest.fixture
+def best(three_room_scans, three_room_hypotheses, settings):
+    """The best merge of two blocks by the hypotheses of the three rooms."""
+    return partial(
         best_merge,
         scans=three_room_scans,
         touching=touching_stations(three_room_hypotheses),
         settings=settings,
         range_gain=no_ranges,
     )
+
+
+def test_parts_that_drifted_merge_once_their_stations_may_move(
+    three_room_scans, three_room_poses, drifted_parts, best, settings
+):
+    truth = three_room_poses
 
     def settle(poses):
         first = next(iter(poses))
@@ -224,17 +229,10 @@ def test_blocks_that_have_not_grown_are_not_settled_again(
 
 
 def test_parts_that_settling_alone_leaves_apart_get_a_second_look(
-    three_room_scans, three_room_hypotheses, three_room_poses, drifted_parts, settings
+    three_room_scans, three_room_poses, drifted_parts, best, settings
 ):
     """What each part does not know of its own drift, both together do."""
     truth = three_room_poses
-    best = partial(
-        best_merge,
-        scans=three_room_scans,
-        touching=touching_stations(three_room_hypotheses),
-        settings=settings,
-        range_gain=no_ranges,
-    )
 
     def settled(block):
         if len(block.poses) < len(truth):
