@@ -140,10 +140,13 @@ def _seen_by_each(
 ) -> dict[StationId, dict[StationId, Seen]]:
     """What each station of the block (inner key) says of the points of each other (outer key)."""
     seen: dict[StationId, dict[StationId, Seen]] = {station: {} for station in block.poses}
-    for pair in crossing(block, block, np.zeros((1, 3)), scans):
-        if pair.i != pair.j:
-            said = said_of_second(pair, scans, settings)
-            seen[pair.j][pair.i] = Seen(said.hit[0], said.hit[0], said.seen_through[0])
+    for crossed in crossing(block, block, np.zeros((1, 3)), scans):
+        said = said_of_second(crossed, scans, settings)
+        for i, (hit,), (through,) in zip(
+            crossed.witnesses, said.hit, said.seen_through, strict=True
+        ):
+            if i != crossed.j:
+                seen[crossed.j][i] = Seen(hit, hit, through)
     return seen
 
 

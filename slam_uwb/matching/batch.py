@@ -27,12 +27,12 @@ def invert(poses: FloatArray) -> FloatArray:
 
 
 def adjoints(poses: FloatArray) -> FloatArray:
-    """(K, 3, 3) adjoint of each row; see `Pose2.adjoint`."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    found = np.zeros((len(poses), 3, 3))
-    found[:, 0, 0], found[:, 0, 1], found[:, 0, 2] = c, -s, poses[:, 1]
-    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = s, c, -poses[:, 0]
-    found[:, 2, 2] = 1.0
+    """(..., 3, 3) adjoint of each row; see `Pose2.adjoint`."""
+    c, s = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    found = np.zeros((*poses.shape, 3))
+    found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = c, -s, poses[..., 1]
+    found[..., 1, 0], found[..., 1, 1], found[..., 1, 2] = s, c, -poses[..., 0]
+    found[..., 2, 2] = 1.0
     return found
 
 

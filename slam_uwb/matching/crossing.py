@@ -1,9 +1,9 @@
-"""Pairs of stations, one of each of two blocks, that see walls in common at ways to merge the blocks."""
+"""Stations of two blocks that see walls in common at ways to merge the blocks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +13,42 @@ from ..model.survey import StationId
 from .batch import compose, invert
 from .evidence import Block
 from .index import ScanIndex
+from .lanes import Lanes, lanes
 from .sight import Sights, may_meet
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossing:
-    """Two stations of two blocks, at the candidates that bring them near enough to see a wall in common."""
+    """A station of the second block with those of the first that may see a wall in common with it.
 
-    i: StationId
-    """Of the first block."""
+    At candidates that bring it near enough to some of them. Where it is not near enough to another of
+    them, neither says anything of the other.
+    """
+
     j: StationId
-    """Of the second."""
-    near: NDArray[np.intp]
-    """(M,) numbers of the candidates."""
+    """Of the second block."""
+    witnesses: tuple[StationId, ...]
+    """L stations of the first."""
+    numbers: NDArray[np.intp]
+    """(M,) of the candidates."""
     i_T_j: FloatArray
-    """(M, 3)"""
+    """(L, M, 3)"""
     b_T_j: Pose2
+
+    def lanes(self, scans: Mapping[StationId, ScanIndex]) -> Lanes:
+        """The station's points on the walls of each of its witnesses."""
+        return lanes([(scans[i], scans[self.j]) for i in self.witnesses])
+
+    def lanes_back(self, scans: Mapping[StationId, ScanIndex]) -> Lanes:
+        """The points of each of its witnesses on the station's walls."""
+        return lanes([(scans[self.j], scans[i]) for i in self.witnesses])
+
+    def at(self, kept: NDArray[np.bool_]) -> Crossing | None:
+        """The same at those of its candidates that are kept (K,) of all; None where none is."""
+        left = kept[self.numbers]
+        if not left.any():
+            return None
+        return replace(self, numbers=self.numbers[left], i_T_j=self.i_T_j[:, left])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,10 +73,12 @@ def witnesses(block: Block, scans: Mapping[StationId, ScanIndex]) -> Witnesses:
 def crossing(
     a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> Iterator[Crossing]:
-    """Every pair of stations across two blocks, at candidates a_T_b (K, 3); one station of `b` after the other."""
+    """Each station of `b` that meets any of `a` at candidates a_T_b (K, 3)."""
     every, of_a = np.arange(len(candidates)), witnesses(a, scans)
     for j, b_T_j in b.poses.items():
-        yield from crossing_one(of_a, j, b_T_j, candidates, every, scans)
+        crossed = crossing_one(of_a, j, b_T_j, candidates, every, scans)
+        if crossed is not None:
+            yield crossed
 
 
 def crossing_one(
@@ -66,11 +88,16 @@ def crossing_one(
     candidates: FloatArray,
     numbers: NDArray[np.intp],
     scans: Mapping[StationId, ScanIndex],
-) -> Iterator[Crossing]:
-    """A station of `b` with every station of `a`, at those of the candidates that have these numbers."""
+) -> Crossing | None:
+    """A station of `b` with those of `a` at the candidates of these numbers.
+
+    None where none meets it.
+    """
     a_T_j = compose(candidates[numbers], b_T_j.vector)
     i_T_j = compose(a.station_T_block[:, None], a_T_j)
     met = may_meet(a.sights, scans[j].sight, i_T_j)
-    for index in np.flatnonzero(met.any(axis=1)):
-        near = met[index]
-        yield Crossing(a.stations[index], j, numbers[near], i_T_j[index, near], b_T_j)
+    near, rows = np.flatnonzero(met.any(axis=0)), np.flatnonzero(met.any(axis=1))
+    if not len(near):
+        return None
+    stations = tuple(a.stations[row] for row in rows)
+    return Crossing(j, stations, numbers[near], i_T_j[np.ix_(rows, near)], b_T_j)

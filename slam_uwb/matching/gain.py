@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,56 +29,73 @@ def merge_gains(
 ) -> FloatArray:
     """(K,) evidence of the merged map minus that of the two blocks apart, at candidates a_T_b (K, 3).
 
-    A candidate is given up, with a gain of minus infinity, when what `a` says of the stations of `b`, one
-    after the other, comes to less than `least`.
+    A candidate is given up, with a gain of minus infinity, when what the larger block says of the
+    stations of the smaller one, one after the other, comes to less than `least`.
     """
+    if len(b.poses) > len(a.poses):
+        return merge_gains(b, a, invert(candidates), scans, settings, least=least)
     gains = np.zeros(len(candidates))
-    of_a, crossed = witnesses(a, scans), list[Crossing]()
+    of_a, met = witnesses(a, scans), list[Crossing]()
     for j, alone in b.seen.items():
         live = np.flatnonzero(gains >= least)
-        pairs = list(crossing_one(of_a, j, b.poses[j], candidates, live, scans))
-        seen = _repeated(alone, len(candidates))
-        for pair in pairs:
-            _add(seen, pair.near, said_of_second(pair, scans, settings))
-        gains += _gain(seen, alone, scans[j], settings)
-        crossed += pairs
-    gains[gains < least] = -math.inf
+        crossed = crossing_one(of_a, j, b.poses[j], candidates, live, scans)
+        if crossed is not None:
+            together = _seen_by_all(alone, crossed, scans, settings)
+            gains[crossed.numbers] += _gain(together, alone, scans[j], settings)
+            met.append(crossed)
+    kept = gains >= least
+    gains[~kept] = -math.inf
     seen_of_a: dict[StationId, Seen] = {}
-    for pair in _only(crossed, gains >= least):
-        if pair.i not in seen_of_a:
-            seen_of_a[pair.i] = _repeated(a.seen[pair.i], len(candidates))
-        _add(seen_of_a[pair.i], pair.near, _said_of_first(pair, scans, settings))
-    for i, seen in seen_of_a.items():
-        gains += _gain(seen, a.seen[i], scans[i], settings)
+    for crossed in (left for each in met if (left := each.at(kept)) is not None):
+        for i, numbers, said in _said_of_first(crossed, scans, settings):
+            if i not in seen_of_a:
+                seen_of_a[i] = _repeated(a.seen[i], len(candidates))
+            _add(seen_of_a[i], numbers, said)
+    for i, together in seen_of_a.items():
+        gains += _gain(together, a.seen[i], scans[i], settings)
     return gains
 
 
-def _only(pairs: Iterable[Crossing], live: NDArray[np.bool_]) -> Iterator[Crossing]:
-    """The crossings at the candidates that are left."""
-    for pair in pairs:
-        kept = live[pair.near]
-        if kept.any():
-            yield replace(pair, near=pair.near[kept], i_T_j=pair.i_T_j[kept])
-
-
 def _gain(together: Seen, alone: Seen, scan: ScanIndex, settings: MatchingSettings) -> FloatArray:
-    """(K,) what new witnesses add to the evidence of one scan's walls."""
+    """(M,) what new witnesses add to the evidence of one scan's walls."""
     lengths = lengths_of(scan)
     return evidence_of(together, lengths, settings) - evidence_of(alone, lengths, settings)
 
 
 def said_of_second(
-    pair: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+    crossed: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
 ) -> PointEvidence:
-    """What the first block's station says of the points of the second's."""
-    return point_evidence(scans[pair.i], scans[pair.j], pair.i_T_j, settings, STRIDE)
+    """What each of its L witnesses says of the N points of the station at the M candidates, (L, M, N)."""
+    both = crossed.lanes(scans)
+    said = point_evidence(both, both, crossed.i_T_j, settings, STRIDE)
+    count = len(scans[crossed.j].lengths[::STRIDE])
+    return PointEvidence(said.hit[..., :count], said.seen_through[..., :count])
+
+
+def _seen_by_all(
+    alone: Seen,
+    crossed: Crossing,
+    scans: Mapping[StationId, ScanIndex],
+    settings: MatchingSettings,
+) -> Seen:
+    """What is seen of the station's points (M, N) by those of its own block and by its witnesses together."""
+    said = said_of_second(crossed, scans, settings)
+    return Seen(
+        alone.hits + said.hit.sum(axis=0),
+        np.maximum(alone.best, said.hit.max(axis=0)),
+        alone.through + said.seen_through.sum(axis=0),
+    )
 
 
 def _said_of_first(
-    pair: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
-) -> PointEvidence:
-    """The reverse."""
-    return point_evidence(scans[pair.j], scans[pair.i], invert(pair.i_T_j), settings, STRIDE)
+    crossed: Crossing, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+) -> Iterator[tuple[StationId, NDArray[np.intp], PointEvidence]]:
+    """What the station says of the points of each of its witnesses, and at which candidates (M,)."""
+    both = crossed.lanes_back(scans)
+    said = point_evidence(both, both, invert(crossed.i_T_j), settings, STRIDE)
+    for i, hit, through in zip(crossed.witnesses, said.hit, said.seen_through, strict=True):
+        count = len(scans[i].lengths[::STRIDE])
+        yield i, crossed.numbers, PointEvidence(hit[:, :count], through[:, :count])
 
 
 def _add(seen: Seen, numbers: NDArray[np.intp], said: PointEvidence) -> None:
@@ -103,9 +119,10 @@ def merge_blocks(
     """One block in the frame of `a`."""
     pose = Pose2.from_vector(a_T_b)
     seen = {station: _repeated(alone, 1) for station, alone in {**a.seen, **b.seen}.items()}
-    for pair in crossing(a, b, a_T_b[None, :], scans):
-        _add(seen[pair.j], pair.near, said_of_second(pair, scans, settings))
-        _add(seen[pair.i], pair.near, _said_of_first(pair, scans, settings))
+    for crossed in crossing(a, b, a_T_b[None], scans):
+        seen[crossed.j] = _seen_by_all(seen[crossed.j], crossed, scans, settings)
+        for i, numbers, said in _said_of_first(crossed, scans, settings):
+            _add(seen[i], numbers, said)
     moved = {station: pose @ place for station, place in b.poses.items()}
     groups = tuple(frozenset(part.poses) for part in (a, b) if len(part.poses) > 1)
     return Block(

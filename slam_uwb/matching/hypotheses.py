@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +15,9 @@ from .correlative import correlative_matches
 from .covariance import match_covariances
 from .index import ScanIndex
 from .landmark import closest_point_count, landmark_matches
+from .lanes import ScanPair
 from .refiners import REFINERS
-from .score import Scores, score_matches
+from .score import Scores, score_matches, score_pairs
 
 Initialiser = Callable[[ScanIndex, ScanIndex, MatchingSettings], FloatArray]
 
@@ -57,9 +58,19 @@ def describe_match(
     target: ScanIndex, source: ScanIndex, pose: FloatArray, rank: int, settings: MatchingSettings
 ) -> ScanMatch:
     """The match at pose target_T_source (3,) with its covariance, overlap, violation and evidence."""
-    scores = score_matches(target, source, pose[None, :], settings)
-    (match,) = _described(target, source, pose[None, :], scores, settings)
+    (match,) = describe_pairs([(target, source)], pose[None], settings)
     return replace(match, rank=rank)
+
+
+def describe_pairs(
+    pairs: Sequence[ScanPair], poses: FloatArray, settings: MatchingSettings
+) -> tuple[ScanMatch, ...]:
+    """The matches of Q pairs, each at its pose target_T_source (Q, 3)."""
+    scores = score_pairs(pairs, poses[:, None], settings)
+    return tuple(
+        _described(target, source, pose[None], score, settings)[0]
+        for (target, source), pose, score in zip(pairs, poses, scores, strict=True)
+    )
 
 
 def _described(

@@ -75,14 +75,16 @@ class ScanIndex:
 
     def free_range(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """(...,) metres the scanner looked through towards the places (x, y) in table axes; 0 = unknown."""
-        count = len(self.scan.free_ranges)
-        sectors = count / (2.0 * math.pi)
-        sector = np.arctan2(y, x)
+        bearing = np.arctan2(y, x)
+        return self.free_range_towards(bearing, out=np.empty_like(bearing))
+
+    def free_range_towards(self, bearing: FloatArray, *, out: FloatArray) -> FloatArray:
+        """The same towards bearings (...,), rad in table axes, which are overwritten; written to `out`."""
+        sectors = len(self.scan.free_ranges) / (2.0 * math.pi)
         # A whole turn more than needed keeps the number positive, so that it may be cut off.
-        first = math.remainder(self.table_turn, 2.0 * math.pi) + 3.0 * math.pi
-        sector += first
-        sector *= sectors
-        return self.scan.free_ranges.take(sector.astype(np.int32), mode="wrap")
+        bearing += math.remainder(self.table_turn, 2.0 * math.pi) + 3.0 * math.pi
+        bearing *= sectors
+        return self.scan.free_ranges.take(bearing.astype(np.int32), mode="wrap", out=out)
 
 
 Count = TypeVar("Count", int, NDArray[np.int32])

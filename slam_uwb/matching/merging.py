@@ -160,14 +160,15 @@ def align_blocks(
     for gate in (0.4, 0.2):
         hessian = np.zeros((len(candidates), 3, 3))
         gradient = np.zeros((len(candidates), 3))
-        for pair in crossing(a, b, candidates, scans):
-            rows = correspondences(
-                scans[pair.i], scans[pair.j], pair.i_T_j, gate=gate, stride=STRIDE
+        for crossed in crossing(a, b, candidates, scans):
+            both = crossed.lanes(scans)
+            rows = correspondences(both, both, crossed.i_T_j, gate=gate, stride=STRIDE)
+            own_hessian, own_gradient = (
+                by_witness.sum(axis=0) for by_witness in normal_equations(rows, 0.3 * gate)
             )
-            own_hessian, own_gradient = normal_equations(rows, 0.3 * gate)
             # A motion of the block is one of each of its stations in that station's axes.
-            adjoint = pair.b_T_j.inverse().adjoint()
-            hessian[pair.near] += adjoint.T @ own_hessian @ adjoint
-            gradient[pair.near] += own_gradient @ adjoint
+            adjoint = crossed.b_T_j.inverse().adjoint()
+            hessian[crossed.numbers] += adjoint.T @ own_hessian @ adjoint
+            gradient[crossed.numbers] += own_gradient @ adjoint
         candidates = compose(candidates, limited(damped_step(hessian, gradient), _LONGEST_STEP_M))
     return candidates

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray
 from .index import ScanIndex
-from .scan_pair import ScanPair
+from .lanes import Lanes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairing:
     """N points of the source and their partners on the target at K poses target_T_source.
 
-    Of a `ScanPair`, arrays (2, K, N) instead of (K, N).
+    Of L `Lanes`, arrays (L, K, N) instead of (K, N).
     """
 
     partner: NDArray[np.int32]
@@ -36,8 +36,8 @@ class Pairing:
 
 
 def pair_points(
-    target: ScanIndex | ScanPair,
-    source: ScanIndex | ScanPair,
+    target: ScanIndex | Lanes,
+    source: ScanIndex | Lanes,
     poses: FloatArray,
     *,
     stride: int = 1,
@@ -45,7 +45,7 @@ def pair_points(
 ) -> Pairing:
     """Partners of every `stride`-th point of the source at poses target_T_source (K, 3).
 
-    A `ScanPair` stands for both, with poses (2, K, 3) target_T_source and source_T_target.
+    `Lanes` stand for both, with poses (L, K, 3) target_T_source.
 
     By look-up in a table of 0.1 m cells, so nearly the nearest; `exact` by search, at three times
     the time.

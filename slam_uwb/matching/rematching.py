@@ -13,10 +13,10 @@ from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .agreement import placed, same_place
-from .hypotheses import describe_match
+from .hypotheses import describe_pairs
 from .index import ScanIndex
-from .refiners.point_to_line import polish
-from .score import score_matches
+from .refiners.point_to_line import polish_pairs
+from .score import score_pairs
 from .sight import Sights, may_meet
 from .slack import with_slack
 
@@ -58,50 +58,59 @@ def rematch_pairs(
     """
     again = {frozenset(pair) for pair in pairs}
     joined = [match for match in firm if match.ends not in again]
-    glances = [
-        glance
-        for target, source in pairs
-        if (start := placed(target, source, placement)) is not None
-        if (glance := _glance(scans[target], scans[source], start, settings)) is not None
-    ]
-    matches = [
-        match
-        for glance in _strong_or_joining(glances, _NEARLY * settings.min_overlap, joined)
-        if (match := _refined(glance, scans, settings, until_still=until_still)) is not None
-    ]
+    glances = _glances(scans, placement, pairs, settings)
+    chosen = _strong_or_joining(glances, _NEARLY * settings.min_overlap, joined)
+    matches = _refined(chosen, scans, settings, until_still=until_still)
     return with_firm(_strong_or_joining(matches, settings.min_overlap, joined), firm, placement)
 
 
-def _glance(
-    target: ScanIndex, source: ScanIndex, start: Pose2, settings: MatchingSettings
-) -> _Glance | None:
-    """The pair at its place, or None where it has too little wall in common."""
-    if not may_meet(Sights.of([target.sight]), source.sight, start.vector[None, None, :]).any():
-        return None
-    scores = score_matches(target, source, start.vector[None, :], settings, _GLANCE)
-    confirmed = float(scores.confirmed[0])
-    if confirmed < settings.min_evidence_m:
-        return None
-    return _Glance(target.scan.station, source.scan.station, start, confirmed / scores.total)
+def _glances(
+    scans: Mapping[StationId, ScanIndex],
+    placement: Mapping[StationId, Pose2],
+    pairs: Sequence[tuple[StationId, StationId]],
+    settings: MatchingSettings,
+) -> tuple[_Glance, ...]:
+    """The pairs at their places that have enough wall in common."""
+    met = [
+        (target, source, start)
+        for target, source in pairs
+        if (start := placed(target, source, placement)) is not None
+        if may_meet(
+            Sights.of([scans[target].sight]), scans[source].sight, start.vector[None, None]
+        ).any()
+    ]
+    poses = np.array([start.vector for *_, start in met]).reshape(-1, 1, 3)
+    both = [(scans[target], scans[source]) for target, source, _ in met]
+    return tuple(
+        _Glance(*pair, float(scores.confirmed[0]) / scores.total)
+        for pair, scores in zip(met, score_pairs(both, poses, settings, _GLANCE), strict=True)
+        if scores.confirmed[0] >= settings.min_evidence_m
+    )
 
 
 def _refined(
-    glance: _Glance,
+    glances: Sequence[_Glance],
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
     *,
     until_still: bool,
-) -> ScanMatch | None:
-    """The pair's match, or None where there is none near its place that has evidence."""
-    target, source, start = scans[glance.target], scans[glance.source], glance.start
-    refined = polish(target, source, start.vector[None, :], settings, until_still=until_still)
-    if not refined.converged[0]:
-        return None
-    match = describe_match(target, source, refined.poses[0], 0, settings)
-    match = with_slack(match, target, source, settings)
-    match = leave_free_directions(match, start)
-    stayed = same_place(match.target_T_source, start, settings.fine_gate_m, _SAME_BASIN_RAD)
-    return match if stayed and match.score >= settings.min_evidence_m else None
+) -> tuple[ScanMatch, ...]:
+    """The matches of the pairs that have one with evidence near their place."""
+    starts = np.array([glance.start.vector for glance in glances]).reshape(-1, 3)
+    both = [(scans[glance.target], scans[glance.source]) for glance in glances]
+    refined = polish_pairs(both, starts, settings, until_still=until_still)
+    settled = [int(number) for number in np.flatnonzero(refined.converged)]
+    both = [both[number] for number in settled]
+    matches = describe_pairs(both, refined.poses[settled], settings)
+    matches = with_slack(matches, both, settings)
+    found = []
+    for number, match in zip(settled, matches, strict=True):
+        start = glances[number].start
+        left = leave_free_directions(match, start)
+        stayed = same_place(left.target_T_source, start, settings.fine_gate_m, _SAME_BASIN_RAD)
+        if stayed and left.score >= settings.min_evidence_m:
+            found.append(left)
+    return tuple(found)
 
 
 def leave_free_directions(match: ScanMatch, start: Pose2) -> ScanMatch:

@@ -7,6 +7,7 @@ number of points on them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from ..model.geometry import FloatArray
 from ..model.settings import MatchingSettings
 from .index import ScanIndex
+from .lanes import Lanes, ScanPair, both_ways, in_parts, lanes_both_ways
 from .pairing import pair_points
-from .scan_pair import ScanPair, both_ways, scan_pair
 
 _HIT_M = 0.15  # residuals beyond this confirm nothing
 _HIT_SCALE_M = 0.10
@@ -26,7 +27,7 @@ _AGREE = 0.7  # cosine between normals that face the same way: two faces of one 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointEvidence:
-    """Per candidate pose and point of the moving scan; (2, K, N) of a `ScanPair`."""
+    """Per candidate pose and point of the moving scan; (L, K, N) of L `Lanes`."""
 
     hit: FloatArray
     """(K, N) 0-1, how well a wall of the other scan confirms the point."""
@@ -35,15 +36,15 @@ class PointEvidence:
 
 
 def point_evidence(
-    target: ScanIndex | ScanPair,
-    source: ScanIndex | ScanPair,
+    target: ScanIndex | Lanes,
+    source: ScanIndex | Lanes,
     poses: FloatArray,
     settings: MatchingSettings,
     stride: int = 1,
 ) -> PointEvidence:
     """Judge the points of `source` by the walls and the free space of `target` at poses target_T_source (K, 3).
 
-    A `ScanPair` stands for both, as in `pair_points`.
+    `Lanes` stand for both, as in `pair_points`.
     """
     pairing = pair_points(target, source, poses, stride=stride)
     near = pairing.squared < _NEAR_M**2
@@ -68,7 +69,7 @@ def point_evidence(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scores:
-    """Metres of wall of both scans together, for K candidate poses."""
+    """Metres of wall of both scans together, for K candidate poses of one pair."""
 
     confirmed: FloatArray
     """(K,) m that the other scan confirms."""
@@ -94,20 +95,33 @@ def score_matches(
     stride: int = 1,
 ) -> Scores:
     """Metres of wall confirmed and looked through at poses target_T_source (K, 3), both ways."""
-    return score_pair(scan_pair(target, source), poses, settings, stride)
+    (scores,) = score_pairs([(target, source)], poses[None], settings, stride)
+    return scores
 
 
-def score_pair(
-    pair: ScanPair, poses: FloatArray, settings: MatchingSettings, stride: int = 1
-) -> Scores:
-    """The same of two scans that are one already."""
-    said = point_evidence(pair, pair, both_ways(poses), settings, stride)
-    lengths = pair.lengths[:, 0, ::stride, None] * stride
-    confirmed = (said.hit @ lengths).sum(axis=(0, 2))
-    through = (said.seen_through @ lengths).sum(axis=(0, 2))
-    return Scores(
-        confirmed=confirmed,
-        through=through,
-        total=float(lengths.sum()),
-        evidence=confirmed - settings.violation_weight * through,
-    )
+def score_pairs(
+    pairs: Sequence[ScanPair], poses: FloatArray, settings: MatchingSettings, stride: int = 1
+) -> list[Scores]:
+    """The same of Q pairs, each at its poses target_T_source (Q, K, 3)."""
+    return [
+        scores
+        for part in in_parts(len(pairs))
+        for scores in score_lanes(lanes_both_ways(pairs[part]), poses[part], settings, stride)
+    ]
+
+
+def score_lanes(
+    pairs: Lanes, poses: FloatArray, settings: MatchingSettings, stride: int = 1
+) -> list[Scores]:
+    """The same of Q pairs in 2 Q lanes, both ways."""
+    said = point_evidence(pairs, pairs, both_ways(poses), settings, stride)
+    lengths = pairs.lengths[:, 0, ::stride, None] * stride
+    ways = (2, *poses.shape[:-1])
+    confirmed = (said.hit @ lengths).reshape(ways).sum(axis=0)
+    through = (said.seen_through @ lengths).reshape(ways).sum(axis=0)
+    total = lengths.reshape(2, len(poses), -1).sum(axis=(0, 2))
+    evidence = confirmed - settings.violation_weight * through
+    return [
+        Scores(*rows[:2], float(rows[2]), rows[3])
+        for rows in zip(confirmed, through, total, evidence, strict=True)
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,9 @@ from ...model.geometry import FloatArray
 from ...model.settings import MatchingSettings
 from ..batch import adjoints, compose, distinct
 from ..index import ScanIndex
+from ..lanes import Lanes, ScanPair, both_ways, in_parts, lanes_both_ways
 from ..pairing import pair_points
-from ..scan_pair import ScanPair, both_ways, scan_pair
-from ..score import score_pair
+from ..score import score_lanes
 from .refinement import Refinement
 
 _SAME_FACE = 0.5  # least cosine between the normals of partners
@@ -56,7 +57,7 @@ def refine_point_to_line(
         J <= K refined poses; one has converged if at least three points, which a pose needs, have
         partners, and its last step was shorter than 2 cm and 1 degree or led away from evidence.
     """
-    pair = scan_pair(target, source)
+    pair = lanes_both_ways([(target, source)])
     starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
     poses = starts
     for gate in _COARSE_GATES_M:
@@ -68,7 +69,7 @@ def refine_point_to_line(
     least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
     poses, evidence = poses[evidence >= least], evidence[evidence >= least]
     poses = poses[distinct(poses, evidence, settings.hypotheses)]
-    fine = _polished(pair, poses, settings, until_still=False)
+    fine = _polished(pair, poses[None], settings, until_still=False).of_pair(0)
     before, after = _evidence(pair, poses, fine.poses, settings, _FINE)
     lost = after < before - _LOST_M
     return Refinement(
@@ -79,12 +80,12 @@ def refine_point_to_line(
 
 
 def _evidence(
-    pair: ScanPair, before: FloatArray, after: FloatArray, settings: MatchingSettings, stride: int
+    pair: Lanes, before: FloatArray, after: FloatArray, settings: MatchingSettings, stride: int
 ) -> tuple[FloatArray, FloatArray]:
     """(K,) evidence of poses (K, 3) before and after a stage."""
     poses = np.concatenate([before, after])
-    evidence = score_pair(pair, poses, settings, stride).evidence
-    return evidence[: len(before)], evidence[len(before) :]
+    (scores,) = score_lanes(pair, poses[None], settings, stride)
+    return scores.evidence[: len(before)], scores.evidence[len(before) :]
 
 
 def _where(chosen: NDArray[np.bool_], poses: FloatArray, others: FloatArray) -> FloatArray:
@@ -105,27 +106,79 @@ def polish(
     `until_still` goes on, with partners found exactly, until nothing moves: the result then does
     not depend on where in the basin it started.
     """
-    return _polished(scan_pair(target, source), poses, settings, until_still=until_still)
+    starts = np.array(poses, dtype=np.float64).reshape(1, -1, 3)
+    pair = lanes_both_ways([(target, source)])
+    return _polished(pair, starts, settings, until_still=until_still).of_pair(0)
+
+
+def polish_pairs(
+    pairs: Sequence[ScanPair],
+    poses: FloatArray,
+    settings: MatchingSettings,
+    *,
+    until_still: bool = False,
+) -> Refinement:
+    """The fine stage of Q pairs at once, each from its pose target_T_source (Q, 3)."""
+    found = _Polished.empty((len(pairs), 1))
+    for part in in_parts(len(pairs)):
+        both = lanes_both_ways(pairs[part])
+        ended = _polished(both, poses[part, None], settings, until_still=until_still)
+        for values, new in zip(found, ended, strict=True):
+            values[part] = new
+    return Refinement(found.poses[:, 0], found.converged[:, 0], found.iterations[:, 0])
+
+
+class _Polished(NamedTuple):
+    """`Refinement` of the K poses of each of Q pairs."""
+
+    poses: FloatArray
+    converged: NDArray[np.bool_]
+    iterations: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...]) -> _Polished:
+        """Of so many pairs and poses (Q, K), to be filled."""
+        return cls(np.zeros((*shape, 3)), np.zeros(shape, dtype=bool), np.zeros(shape, np.int64))
+
+    def of_pair(self, number: int) -> Refinement:
+        """That of one of the pairs."""
+        return Refinement(self.poses[number], self.converged[number], self.iterations[number])
 
 
 def _polished(
-    pair: ScanPair, poses: FloatArray, settings: MatchingSettings, *, until_still: bool
-) -> Refinement:
-    for iteration in range(_STEPS_UNTIL_STILL if until_still else _STEPS):
+    pairs: Lanes, poses: FloatArray, settings: MatchingSettings, *, until_still: bool
+) -> _Polished:
+    """The fine stage of Q pairs in 2 Q lanes from poses target_T_source (Q, K, 3).
+
+    What becomes of a pair does not depend on the others: each ends when nothing of it moves.
+    """
+    found = _Polished.empty(poses.shape[:-1])
+    left = np.arange(len(poses))
+    steps = _STEPS_UNTIL_STILL if until_still else _STEPS
+    for iteration in range(steps):
         scale = _fine_scale(iteration)
         rows = correspondences(
-            pair, pair, both_ways(poses), gate=settings.fine_gate_m, exact=until_still
+            pairs, pairs, both_ways(poses), gate=settings.fine_gate_m, exact=until_still
         )
         used_scale = np.maximum(scale, _own_scale(rows))
-        step = _step(*_summed(poses, *normal_equations(rows, used_scale)))
+        equations = normal_equations(rows, np.concatenate([used_scale, used_scale]))
+        step = _step(*_summed(poses, *equations))
         poses = compose(poses, step)
         # Still under a scale that is yet to shrink is not the end.
-        if (_are_still(step, used_scale) & (used_scale > scale)).all():
+        still = _are_still(step, used_scale) & (used_scale > scale)
+        ended = np.asarray(still.all(axis=(1, 2)) | (iteration == steps - 1))
+        if not ended.any():
+            continue
+        # Where nothing pairs, nothing moves: that is no match.
+        partners = np.count_nonzero(rows.weight[: len(poses)], axis=-1)
+        converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=-1)
+        found.poses[left[ended]] = poses[ended]
+        found.converged[left[ended]] = converged[ended]
+        found.iterations[left[ended]] = iteration + 1
+        if ended.all():
             break
-    # Where nothing pairs, nothing moves: that is no match.
-    partners = np.count_nonzero(rows.weight[0], axis=1)
-    converged = (partners >= _LEAST_PARTNERS) & (np.abs(step) < _SETTLED).all(axis=1)
-    return Refinement(poses, converged, np.full(len(poses), iteration + 1))
+        left, poses, pairs = left[~ended], poses[~ended], pairs.of(np.tile(~ended, 2))
+    return found
 
 
 def _fine_scale(iteration: int) -> float:
@@ -139,25 +192,25 @@ def _fine_scale(iteration: int) -> float:
 
 
 def _are_still(step: FloatArray, scale: FloatArray) -> NDArray[np.bool_]:
-    """(K, 1) whether a step (K, 3) is nothing, by the scale (K, 1) of the residuals."""
-    moved = np.abs(step).max(axis=1, keepdims=True)
+    """(Q, K, 1) whether a step (Q, K, 3) is nothing, by the scale (Q, K, 1) of the residuals."""
+    moved = np.abs(step).max(axis=-1, keepdims=True)
     return np.asarray(moved < np.maximum(_STILL, _STILL_SHARE * scale))
 
 
 def _step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
-    """(K, 3) steps in the source's axes of normal equations (K, 3, 3), (K, 3)."""
+    """(..., 3) steps in the source's axes of normal equations (..., 3, 3), (..., 3)."""
     return limited(damped_step(hessian, gradient), _LONGEST_STEP_M)
 
 
 def _summed(
     poses: FloatArray, hessians: FloatArray, gradients: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Hessians (K, 3, 3) and gradients (K, 3) in the source's axes, from those of both ways (2, K, ...)."""
+    """Hessians (Q, K, 3, 3) and gradients (Q, K, 3) in the source's axes, from those of 2 Q lanes."""
     # Seen from the target: residual of inverse(T); d inverse = -Ad(T) d in its axes.
-    adjoint = adjoints(poses)
-    transposed = np.swapaxes(adjoint, 1, 2)
-    hessian = hessians[0] + transposed @ hessians[1] @ adjoint
-    return hessian, gradients[0] - (transposed @ gradients[1][:, :, None])[:, :, 0]
+    adjoint, count = adjoints(poses), len(poses)
+    transposed = np.swapaxes(adjoint, -1, -2)
+    hessian = hessians[:count] + transposed @ hessians[count:] @ adjoint
+    return hessian, gradients[:count] - (transposed @ gradients[count:, ..., None])[..., 0]
 
 
 def normal_equations(
@@ -173,7 +226,7 @@ def normal_equations(
 
 
 def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
-    """(K, 3) Gauss-Newton steps of normal equations (K, 3, 3), (K, 3), in (x, y, theta).
+    """(..., 3) Gauss-Newton steps of normal equations (..., 3, 3), (..., 3), in (x, y, theta).
 
     Damping keeps a direction that only the noise of normals holds (a corridor's axis) where it is.
     """
@@ -183,17 +236,17 @@ def damped_step(hessian: FloatArray, gradient: FloatArray) -> FloatArray:
     damping[:, :2] = damping[:, :1] + damping[:, 1:2]
     diagonal += damping
     diagonal += 1e-12
-    return np.asarray(-np.linalg.solve(damped, gradient[:, :, None])[:, :, 0])
+    return np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0])
 
 
 def limited(steps: FloatArray, longest: float) -> FloatArray:
-    """The steps (K, 3), those longer than `longest` metres shortened."""
-    length = np.maximum(np.hypot(*steps[:, :2].T), 1e-12)
-    return np.asarray(steps * np.minimum(1.0, longest / length)[:, None])
+    """The steps (..., 3), those longer than `longest` metres shortened."""
+    length = np.maximum(np.hypot(steps[..., 0], steps[..., 1]), 1e-12)
+    return np.asarray(steps * np.minimum(1.0, longest / length)[..., None])
 
 
 class Correspondences(NamedTuple):
-    """N source points against the target's walls at K poses target_T_source; (2, K, N) of a `ScanPair`."""
+    """N source points against the target's walls at K poses target_T_source; (L, K, N) of L `Lanes`."""
 
     residual: FloatArray
     """(K, N) m, along the target's normals."""
@@ -206,8 +259,8 @@ class Correspondences(NamedTuple):
 
 
 def correspondences(
-    target: ScanIndex | ScanPair,
-    source: ScanIndex | ScanPair,
+    target: ScanIndex | Lanes,
+    source: ScanIndex | Lanes,
     poses: FloatArray,
     *,
     gate: float,
@@ -216,7 +269,7 @@ def correspondences(
 ) -> Correspondences:
     """Every `stride`-th source point against the walls within `gate` metres at poses target_T_source (K, 3).
 
-    A `ScanPair` stands for both, as in `pair_points`.
+    `Lanes` stand for both, as in `pair_points`.
     """
     pairing = pair_points(target, source, poses, stride=stride, exact=exact)
     points_x, points_y = source.columns[:2, ..., ::stride]
@@ -241,13 +294,18 @@ def partner_count(
 
 
 def _own_scale(rows: Correspondences) -> FloatArray:
-    """(K, 1) Cauchy scale from the median absolute residual (2, K, N) within the gate, at most the coarse one."""
-    sizes = np.abs(np.concatenate(rows.residual, axis=1))
-    paired = np.concatenate(rows.weight, axis=1) > 0.0
+    """(Q, K, 1) Cauchy scale of Q pairs from the median absolute residual within the gate, at most the coarse one.
+
+    From the residuals of 2 Q lanes (2 Q, K, N), both ways.
+    """
+    lanes, poses, points = rows.residual.shape
+    both = (2, lanes // 2, poses, points)
+    sizes = np.concatenate(np.abs(rows.residual).reshape(both), axis=-1)
+    paired = np.concatenate((rows.weight > 0.0).reshape(both), axis=-1)
     sizes[~paired] = np.inf
-    sizes.sort(axis=1)
-    count = np.count_nonzero(paired, axis=1)
-    row = np.arange(len(sizes))
-    middle = 0.5 * (sizes[row, np.maximum(count - 1, 0) // 2] + sizes[row, count // 2])
-    middle[count == 0] = _CAUCHY_M
-    return np.asarray(np.clip(2.0 * 1.4826 * middle, _SCALE_FLOOR_M, _CAUCHY_M)[:, None])
+    sizes.sort(axis=-1)
+    count = np.count_nonzero(paired, axis=-1)[..., None]
+    low = np.take_along_axis(sizes, np.maximum(count - 1, 0) // 2, axis=-1)
+    high = np.take_along_axis(sizes, np.minimum(count // 2, 2 * points - 1), axis=-1)
+    middle = np.where(count == 0, _CAUCHY_M, 0.5 * (low + high))
+    return np.asarray(np.clip(2.0 * 1.4826 * middle, _SCALE_FLOOR_M, _CAUCHY_M))

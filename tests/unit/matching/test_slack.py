@@ -19,7 +19,7 @@ def sure(view, settings):
         scans = [view(s, walls, p, rng, 0.005) for s, p in (("a", target), ("b", source))]
         found = describe_match(*scans, (target.inverse() @ source).vector, 0, settings)
         tight = np.diag([0.005, 0.005, np.radians(0.1)]) ** 2
-        return replace(found, covariance=tight, degenerate=False), scans
+        return replace(found, covariance=tight, degenerate=False), tuple(scans)
 
     return match
 
@@ -31,7 +31,7 @@ def test_along_a_corridor_a_sure_match_gets_slack(sure, corridor, settings, turn
     along = np.array([np.cos(turn), -np.sin(turn)])
     covariance = match.covariance.copy()
     covariance[:2, :2] += 1e-6 * np.outer(along, along)
-    loose = with_slack(replace(match, covariance=covariance), *scans, settings)
+    (loose,) = with_slack([replace(match, covariance=covariance)], [scans], settings)
     assert loose.degenerate
     across = np.array([-along[1], along[0]])
     assert along @ loose.covariance[:2, :2] @ along == pytest.approx(0.3**2, rel=1e-3)
@@ -41,10 +41,10 @@ def test_along_a_corridor_a_sure_match_gets_slack(sure, corridor, settings, turn
 
 def test_where_every_step_costs_walls_a_match_stays_as_it_is(sure, room, settings):
     match, scans = sure(room, Pose2(1.5, 1.5, 0.3), Pose2(4.5, 1.6, 1.0))
-    assert with_slack(match, *scans, settings) is match
+    assert with_slack([match], [scans], settings)[0] is match
 
 
 def test_what_is_free_already_stays_as_it_is(sure, corridor, settings):
     match, scans = sure(corridor, Pose2(0.0, 0.8, 0.3), Pose2(1.5, 1.2, 0.0))
     free = replace(match, degenerate=True)
-    assert with_slack(free, *scans, settings) is free
+    assert with_slack([free], [scans], settings)[0] is free

@@ -8,6 +8,7 @@ from slam_uwb.matching.refiners.point_to_line import (
     correspondences,
     partner_count,
     polish,
+    polish_pairs,
     refine_point_to_line,
 )
 from slam_uwb.matching.score import score_matches
@@ -146,6 +147,24 @@ def test_candidates_of_a_batch_do_not_touch_one_another(view, room, settings):
     together = polish(target, source, starts, settings).poses
     alone = [polish(target, source, start[None], settings).poses[0] for start in starts]
     np.testing.assert_allclose(together, alone, atol=1e-7)
+
+
+@pytest.mark.parametrize("until_still", [False, True])
+def test_pairs_that_are_polished_together_do_not_touch_one_another(
+    three_room_scans, three_room_poses, settings, until_still
+):
+    """Some of them end early; one has nothing in common, and one has fewer points."""
+    names = [("s1", "s2"), ("s3", "s4"), ("s1", "s7"), ("s4", "s3"), ("s5", "s6")]
+    pairs = [(three_room_scans[a], three_room_scans[b]) for a, b in names]
+    off = np.array([[0.03, -0.02, 0.01], [0, 0, 0], [40.0, 0, 0], [-0.05, 0.04, -0.02], [0, 0, 0]])
+    truth = [(three_room_poses[a].inverse() @ three_room_poses[b]).vector for a, b in names]
+    starts = compose(np.array(truth), off)
+    together = polish_pairs(pairs, starts, settings, until_still=until_still)
+    assert together.converged.tolist() == [True, True, False, True, True]
+    for number, (pair, start) in enumerate(zip(pairs, starts, strict=True)):
+        alone = polish(*pair, start[None], settings, until_still=until_still)
+        np.testing.assert_allclose(together.poses[number], alone.poses[0], atol=1e-9)
+        assert together.iterations[number] == alone.iterations[0]
 
 
 def test_starts_that_end_in_one_place_are_one(view, room, settings):

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from slam_uwb.matching.batch import compose, invert
+from slam_uwb.matching.lanes import both_ways, lanes, lanes_both_ways
 from slam_uwb.matching.pairing import pair_points
 from slam_uwb.matching.refiners.point_to_line import correspondences
-from slam_uwb.matching.scan_pair import both_ways, scan_pair
 from slam_uwb.matching.score import point_evidence
 from slam_uwb.model.geometry import Pose2
 
@@ -29,8 +29,8 @@ def each_way(scans):
 @pytest.mark.parametrize("exact", [True, False])
 @pytest.mark.parametrize("stride", [1, 3])
 def test_a_pair_is_paired_as_one_scan_after_the_other(scans, exact, stride):
-    pair = scan_pair(*scans[:2])
-    found = pair_points(pair, pair, both_ways(scans[2]), stride=stride, exact=exact)
+    pair = lanes_both_ways([scans[:2]])
+    found = pair_points(pair, pair, both_ways(scans[2][None]), stride=stride, exact=exact)
     for way, (target, source, poses) in enumerate(each_way(scans)):
         alone = pair_points(target, source, poses, stride=stride, exact=exact)
         count = alone.x.shape[1]
@@ -43,8 +43,8 @@ def test_a_pair_is_paired_as_one_scan_after_the_other(scans, exact, stride):
 
 
 def test_points_that_fill_up_the_shorter_scan_weigh_nothing(scans, settings):
-    pair = scan_pair(*scans[:2])
-    poses = both_ways(scans[2])
+    pair = lanes_both_ways([scans[:2]])
+    poses = both_ways(scans[2][None])
     rows = correspondences(pair, pair, poses, gate=0.2)
     said = point_evidence(pair, pair, poses, settings)
     for way, (target, source, one_way) in enumerate(each_way(scans)):
@@ -55,3 +55,16 @@ def test_points_that_fill_up_the_shorter_scan_weigh_nothing(scans, settings):
         assert not rows.weight[way, :, count:].any()
         assert not said.seen_through[way, :, count:].any()
         assert not pair.lengths[way, :, count:].any()
+
+
+def test_some_of_the_lanes_are_those_lanes(scans, settings):
+    target, source, poses = scans
+    all_three = lanes([(target, source), (source, target), (source, source)])
+    kept = np.array([True, False, True])
+    places = np.stack([poses, invert(poses), poses])
+    some = all_three.of(kept)
+    whole = point_evidence(all_three, all_three, places, settings)
+    part = point_evidence(some, some, places[kept], settings)
+    assert whole.hit[kept].any()
+    np.testing.assert_array_equal(part.hit, whole.hit[kept])
+    np.testing.assert_array_equal(part.seen_through, whole.seen_through[kept])
