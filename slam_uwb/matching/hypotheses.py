@@ -16,8 +16,8 @@ from .covariance import match_covariances
 from .index import ScanIndex
 from .landmark import closest_point_count, landmark_matches
 from .lanes import ScanPair
-from .refiners import REFINERS
-from .score import Scores, score_matches, score_pairs
+from .refiners import refine_pairs
+from .score import Scores, score_pairs
 
 Initialiser = Callable[[ScanIndex, ScanIndex, MatchingSettings], FloatArray]
 
@@ -36,14 +36,38 @@ def match_pair(
     the evidence of walls confirmed and looked through (or, as the paper does, by the number of
     points with a close partner).
     """
-    initial = INITIALISERS[settings.initialiser](target, source, settings)
-    if not len(initial):
-        return ()
-    refined = REFINERS[settings.refiner](target, source, initial, settings)
-    poses = refined.poses[refined.converged]
+    (found,) = match_together([(target, source)], settings)
+    return found
+
+
+def match_together(
+    pairs: Sequence[ScanPair], settings: MatchingSettings
+) -> list[tuple[ScanMatch, ...]]:
+    """The same of Q pairs, at once where that saves time; what is found does not depend on the others."""
+    initialise = INITIALISERS[settings.initialiser]
+    initial = [initialise(target, source, settings) for target, source in pairs]
+    refined = [
+        refinement.poses[refinement.converged]
+        for refinement in refine_pairs(pairs, initial, settings)
+    ]
+    each = [pair for pair, poses in zip(pairs, refined, strict=True) for _ in poses]
+    scores = iter(score_pairs(each, np.concatenate(refined)[:, None], settings))
+    return [
+        _best(*pair, poses, Scores.joined([next(scores) for _ in poses]), settings)
+        for pair, poses in zip(pairs, refined, strict=True)
+    ]
+
+
+def _best(
+    target: ScanIndex,
+    source: ScanIndex,
+    poses: FloatArray,
+    scores: Scores,
+    settings: MatchingSettings,
+) -> tuple[ScanMatch, ...]:
+    """The matches worth keeping at poses target_T_source (K, 3) that have these scores, the best first."""
     if not len(poses):
         return ()
-    scores = score_matches(target, source, poses, settings)
     if settings.ranking == "evidence":
         worth = np.flatnonzero(scores.evidence >= settings.min_evidence_m)
         poses, scores = poses[worth], scores.of(worth)

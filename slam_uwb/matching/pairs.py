@@ -14,8 +14,9 @@ from ..model.geometry import FloatArray
 from ..model.products import PreparedScan, Progress, ScanMatch, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .hypotheses import match_pair
+from .hypotheses import match_together
 from .index import ScanIndex, index_scan
+from .lanes import in_parts
 
 Pair = tuple[StationId, StationId]
 """(m, n): target and source; fit scan n to scan m."""
@@ -96,13 +97,21 @@ def _matched(
     settings: MatchingSettings,
     workers: int,
 ) -> Iterator[tuple[ScanMatch, ...]]:
+    parts = [pairs[part] for part in in_parts(len(pairs))]
     if workers == 1 or len(pairs) < _WORTH_PROCESSES:
-        for target, source in pairs:
-            yield match_pair(scans[target], scans[source], settings)
+        for part in parts:
+            yield from _match_part(part, scans, settings)
         return
     context = get_context("forkserver" if "forkserver" in _start_methods() else "spawn")
     with ProcessPoolExecutor(workers, context, _keep_in_process, (dict(scans), settings)) as pool:
-        yield from pool.map(_match_in_process, pairs, chunksize=32)
+        for found in pool.map(_match_in_process, parts):
+            yield from found
+
+
+def _match_part(
+    pairs: Sequence[Pair], scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+) -> list[tuple[ScanMatch, ...]]:
+    return match_together([(scans[target], scans[source]) for target, source in pairs], settings)
 
 
 def _start_methods() -> list[str]:
@@ -120,6 +129,5 @@ def _keep_in_process(scans: Mapping[StationId, ScanIndex], settings: MatchingSet
     _in_process = (scans, settings)
 
 
-def _match_in_process(pair: Pair) -> tuple[ScanMatch, ...]:
-    scans, settings = _in_process
-    return match_pair(scans[pair[0]], scans[pair[1]], settings)
+def _match_in_process(pairs: Sequence[Pair]) -> list[tuple[ScanMatch, ...]]:
+    return _match_part(pairs, *_in_process)

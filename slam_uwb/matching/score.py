@@ -80,6 +80,15 @@ class Scores:
     evidence: FloatArray
     """(K,) m, confirmed minus `violation_weight` times looked through."""
 
+    @classmethod
+    def joined(cls, scores: Sequence[Scores]) -> Scores:
+        """Those of one pair in one; of none, where there are none."""
+        confirmed, through, evidence = (
+            np.concatenate([np.zeros(0), *(getattr(score, name) for score in scores)])
+            for name in ("confirmed", "through", "evidence")
+        )
+        return cls(confirmed, through, scores[0].total if scores else 0.0, evidence)
+
     def of(self, chosen: NDArray[np.intp]) -> Scores:
         """Those of some of the poses, by their numbers."""
         return Scores(

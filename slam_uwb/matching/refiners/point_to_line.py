@@ -14,7 +14,7 @@ from ..batch import adjoints, compose, distinct
 from ..index import ScanIndex
 from ..lanes import Lanes, ScanPair, both_ways, in_parts, lanes_both_ways
 from ..pairing import pair_points
-from ..score import score_lanes
+from ..score import score_matches, score_pairs
 from .refinement import Refinement
 
 _SAME_FACE = 0.5  # least cosine between the normals of partners
@@ -57,35 +57,48 @@ def refine_point_to_line(
         J <= K refined poses; one has converged if at least three points, which a pose needs, have
         partners, and its last step was shorter than 2 cm and 1 degree or led away from evidence.
     """
-    pair = lanes_both_ways([(target, source)])
-    starts = np.array(initial, dtype=np.float64).reshape(-1, 3)
+    (refined,) = refine_pairs_to_lines([(target, source)], [initial], settings)
+    return refined
+
+
+def refine_pairs_to_lines(
+    pairs: Sequence[ScanPair], initial: Sequence[FloatArray], settings: MatchingSettings
+) -> list[Refinement]:
+    """The same for Q pairs, the fine stage of all of them at once, from poses (K, 3) of each."""
+    coarse = [
+        _in_basin(target, source, np.array(starts, dtype=np.float64).reshape(-1, 3), settings)
+        for (target, source), starts in zip(pairs, initial, strict=True)
+    ]
+    before = np.concatenate(coarse)
+    each = [pair for pair, poses in zip(pairs, coarse, strict=True) for _ in poses]
+    fine = polish_pairs(each, before, settings)
+    scores = score_pairs(each, np.stack([before, fine.poses], axis=1), settings, _FINE)
+    kept, gained = np.array([score.evidence for score in scores]).reshape(-1, 2).T
+    lost = gained < kept - _LOST_M
+    poses, converged = _where(lost, before, fine.poses), fine.converged | lost
+    ends = np.cumsum([len(part) for part in coarse])[:-1]
+    return [
+        Refinement(*of_pair, np.full(len(of_pair[0]), len(_COARSE_GATES_M) + _STEPS))
+        for of_pair in zip(np.split(poses, ends), np.split(converged, ends), strict=True)
+    ]
+
+
+def _in_basin(
+    target: ScanIndex, source: ScanIndex, starts: FloatArray, settings: MatchingSettings
+) -> FloatArray:
+    """(J, 3) what the coarse stage makes of the poses target_T_source (K, 3), the most evidence first."""
     poses = starts
     for gate in _COARSE_GATES_M:
         rows = correspondences(target, source, poses, gate=gate, stride=_COARSE)
         poses = compose(poses, _step(*normal_equations(rows, _COARSE_SCALE * gate)))
-    before, after = _evidence(pair, starts, poses, settings, _COARSE)
+    both = np.concatenate([starts, poses])
+    evidence = score_matches(target, source, both, settings, _COARSE).evidence
+    before, after = evidence[: len(starts)], evidence[len(starts) :]
     poses, evidence = _where(after < before, starts, poses), np.maximum(before, after)
     # What confirms next to nothing now confirms nothing in the end; right matches have twice that.
     least = min(_PROMISING * settings.min_evidence_m, evidence.max(initial=-np.inf))
     poses, evidence = poses[evidence >= least], evidence[evidence >= least]
-    poses = poses[distinct(poses, evidence, settings.hypotheses)]
-    fine = _polished(pair, poses[None], settings, until_still=False).of_pair(0)
-    before, after = _evidence(pair, poses, fine.poses, settings, _FINE)
-    lost = after < before - _LOST_M
-    return Refinement(
-        _where(lost, poses, fine.poses),
-        fine.converged | lost,
-        None if fine.iterations is None else fine.iterations + len(_COARSE_GATES_M),
-    )
-
-
-def _evidence(
-    pair: Lanes, before: FloatArray, after: FloatArray, settings: MatchingSettings, stride: int
-) -> tuple[FloatArray, FloatArray]:
-    """(K,) evidence of poses (K, 3) before and after a stage."""
-    poses = np.concatenate([before, after])
-    (scores,) = score_lanes(pair, poses[None], settings, stride)
-    return scores.evidence[: len(before)], scores.evidence[len(before) :]
+    return np.asarray(poses[distinct(poses, evidence, settings.hypotheses)])
 
 
 def _where(chosen: NDArray[np.bool_], poses: FloatArray, others: FloatArray) -> FloatArray:
