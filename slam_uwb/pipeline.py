@@ -48,7 +48,6 @@ from .model.settings import (
     GraphSettings,
     MappingSettings,
     MatchingSettings,
-    ScanSettings,
     Settings,
 )
 from .model.solution import DecisionOutcome, GraphEstimate, Solution
@@ -108,7 +107,7 @@ def solve_survey(
     settings = settings or Settings()
     survey = survey if use_ranges else survey.without_ranges()
     # Each recording and each link alone.
-    reduced, scans, upper_scans = _prepare(survey, settings.scan)
+    reduced, scans, upper_scans = _prepare(survey, settings)
     links = reduce_links(survey, settings.ranging)
     if earlier is not None:
         require_fit(earlier, survey, settings, reduced, links)
@@ -141,17 +140,19 @@ def solve_survey(
 
 
 def _prepare(
-    survey: Survey, settings: ScanSettings
+    survey: Survey, settings: Settings
 ) -> tuple[dict[StationId, Scan], dict[StationId, PreparedScan], dict[StationId, PreparedScan]]:
     """Scans reduced to one sample an angle bin, described, and the described upper ones."""
     # By name, not in the survey's order: which scan is fitted to which must not depend on it.
     stations = sorted(survey.stations, key=lambda station: station.id)
-    reduced = {s.id: reduce_scan(s.scan, settings) for s in stations if s.scan is not None}
+    reduced = {s.id: reduce_scan(s.scan, settings.scan) for s in stations if s.scan is not None}
     upper = {s.id: s.upper_scan for s in stations if s.upper_scan is not None}
+    landmarks = settings.matching.initialiser == "landmark"
+    prepare = partial(prepare_scan, settings=settings.scan, landmarks=landmarks)
     return (
         reduced,
-        {name: prepare_scan(name, scan, settings) for name, scan in reduced.items()},
-        {name: prepare_scan(name, scan, settings) for name, scan in upper.items()},
+        {name: prepare(name, scan) for name, scan in reduced.items()},
+        {name: prepare(name, scan) for name, scan in upper.items()},
     )
 
 

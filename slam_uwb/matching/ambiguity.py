@@ -156,6 +156,7 @@ def _part(
     seen: Mapping[StationId, Mapping[StationId, Seen]],
 ) -> Block:
     """Some stations of the block, in its frame, as if the others had never been there."""
+    kept = np.array([row for row, station in enumerate(block.poses) if station in members])
     return Block(
         {station: pose for station, pose in block.poses.items() if station in members},
         {
@@ -165,6 +166,7 @@ def _part(
             for j in block.poses
             if j in members
         },
+        block.sights[kept],
     )
 
 

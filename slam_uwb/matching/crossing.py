@@ -61,12 +61,12 @@ class Witnesses:
     sights: Sights
 
 
-def witnesses(block: Block, scans: Mapping[StationId, ScanIndex]) -> Witnesses:
+def witnesses(block: Block) -> Witnesses:
     """The stations of a block, to be asked of those of another."""
     return Witnesses(
         tuple(block.poses),
         invert(np.array([pose.vector for pose in block.poses.values()])),
-        Sights.of([scans[station].sight for station in block.poses]),
+        block.sights,
     )
 
 
@@ -74,7 +74,7 @@ def crossing(
     a: Block, b: Block, candidates: FloatArray, scans: Mapping[StationId, ScanIndex]
 ) -> Iterator[Crossing]:
     """Each station of `b` that meets any of `a` at candidates a_T_b (K, 3)."""
-    every, of_a = np.arange(len(candidates)), witnesses(a, scans)
+    every, of_a = np.arange(len(candidates)), witnesses(a)
     for j, b_T_j in b.poses.items():
         crossed = crossing_one(of_a, j, b_T_j, candidates, every, scans)
         if crossed is not None:

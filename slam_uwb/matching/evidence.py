@@ -11,6 +11,7 @@ from ..model.geometry import FloatArray, Pose2
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .index import ScanIndex
+from .sight import Sights
 
 STRIDE = 2
 """Every second point is enough to weigh walls."""
@@ -35,6 +36,8 @@ class Block:
     poses: Mapping[StationId, Pose2]
     """block_T_station; the block's frame is that of its first station."""
     seen: Mapping[StationId, Seen]
+    sights: Sights
+    """Of its stations, in their order."""
     parts: tuple[frozenset[StationId], ...] = ()
     """Groups of two stations and more that were blocks before they were merged into this one."""
 
@@ -42,7 +45,8 @@ class Block:
 def single_block(station: StationId, scan: ScanIndex) -> Block:
     """One station alone, in its own frame; nobody confirms what it sees."""
     zero = np.zeros(len(scan.scan.points[::STRIDE]))
-    return Block({station: Pose2.identity()}, {station: Seen(zero, zero, zero)})
+    seen = {station: Seen(zero, zero, zero)}
+    return Block({station: Pose2.identity()}, seen, Sights.of([scan.sight]))
 
 
 def evidence_of(seen: Seen, lengths: FloatArray, settings: MatchingSettings) -> FloatArray:

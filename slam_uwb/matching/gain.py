@@ -35,7 +35,7 @@ def merge_gains(
     if len(b.poses) > len(a.poses):
         return merge_gains(b, a, invert(candidates), scans, settings, least=least)
     gains = np.zeros(len(candidates))
-    of_a, met = witnesses(a, scans), list[Crossing]()
+    of_a, met = witnesses(a), list[Crossing]()
     for j, alone in b.seen.items():
         live = np.flatnonzero(gains >= least)
         crossed = crossing_one(of_a, j, b.poses[j], candidates, live, scans)
@@ -128,5 +128,6 @@ def merge_blocks(
     return Block(
         {**a.poses, **moved},
         {s: Seen(v.hits[0], v.best[0], v.through[0]) for s, v in seen.items()},
+        a.sights + b.sights,
         (*a.parts, *b.parts, *groups),
     )

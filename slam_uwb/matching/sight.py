@@ -94,6 +94,20 @@ class Sights:
         """Some of the scans."""
         return Sights(self.places[rows], self.known[rows], self.reach[rows])
 
+    def __add__(self, other: Sights) -> Sights:
+        """Those of both, one after the other."""
+        most = max(self.places.shape[1], other.places.shape[1])
+        return Sights(
+            np.concatenate([_repeated(self.places, most), _repeated(other.places, most)]),
+            np.concatenate([self.known, other.known]),
+            np.concatenate([self.reach, other.reach]),
+        )
+
+
+def _repeated(places: FloatArray, count: int) -> FloatArray:
+    """(I, `count`, 2) the places (I, P, 2), the first of them again where there are fewer."""
+    return places[:, np.arange(count) % places.shape[1]]
+
 
 def may_meet(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np.bool_]:
     """(I, K) whether each scan and the other may speak of each other's walls at poses one_T_other (I, K, 3).

@@ -50,6 +50,8 @@ def place_labels(axes: Axes, labels: Sequence[Label], obstacles: Sequence[Points
     if figure is None or not labels:
         return
     figure.draw_without_rendering()
+    # Labels lie where their marks are now: to lay the figure out once more could only move these.
+    figure.set_layout_engine("none")
     pixels_a_point = figure.dpi / 72.0
     frame = axes.get_window_extent()
     inside = [item for item in labels if frame.contains(*axes.transData.transform(item.place))]

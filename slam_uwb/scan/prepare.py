@@ -76,7 +76,9 @@ def _typical_points(
     return x, y
 
 
-def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> PreparedScan:
+def prepare_scan(
+    station: StationId, scan: Scan, settings: ScanSettings, *, landmarks: bool = True
+) -> PreparedScan:
     """Points, normals, wall segments, landmarks and free space of one recording, in the scanner's frame.
 
     Args:
@@ -84,6 +86,7 @@ def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> Prep
         scan: Raw recording, or one that `reduce_scan` already reduced (reducing twice changes
             nothing).
         settings: Bins, gaps and lengths.
+        landmarks: Whether anything will ask for them; if not, there are none.
     """
     reduced = reduce_scan(scan, settings)
     seen = ~np.isnan(reduced.ranges)
@@ -103,7 +106,7 @@ def prepare_scan(station: StationId, scan: Scan, settings: ScanSettings) -> Prep
         lengths=_arc_lengths(points, settings.max_point_length_m),
         on_wall=np.isin(np.arange(len(points)), np.concatenate([[-1], *members])),
         segments=segments,
-        landmarks=extract_landmarks(segments, settings),
+        landmarks=extract_landmarks(segments if landmarks else segments[:0], settings),
         free_ranges=_free_ranges(bearings, ranges, settings),
         noise=noise,
     )

@@ -33,7 +33,9 @@ def grown(growth, best):
     while (found := growth.next_merge(best)) is not None:
         pair, merge = found
         a, b = (growth.blocks[part] for part in pair)
-        growth.replace(pair, Block({**a.poses, **b.poses}, {**a.seen, **b.seen}))
+        growth.replace(
+            pair, Block({**a.poses, **b.poses}, {**a.seen, **b.seen}, a.sights + b.sights)
+        )
         priorities.append(merge.priority)
     return priorities
 
@@ -86,5 +88,5 @@ def test_blocks_merged_from_outside_are_asked_again(three_room_scans):
     growth.ask_again()
     assert growth.next_merge(linked({})) is None
     a, b = growth.blocks[0], growth.blocks[1]
-    growth.replace((0, 1), Block({**a.poses, **b.poses}, {**a.seen, **b.seen}))
+    growth.replace((0, 1), Block({**a.poses, **b.poses}, {**a.seen, **b.seen}, a.sights + b.sights))
     assert grown(growth, linked({frozenset((s2, s3)): 2.0})) == [2.0]

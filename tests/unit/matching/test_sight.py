@@ -66,3 +66,19 @@ def test_many_scans_are_judged_as_one_by_one(three_room_scans, view, hall):
     together = may_meet(Sights.of([scan.sight for scan in scans]), other.sight, poses)
     alone = [meet(scan, other, own) for scan, own in zip(scans, poses, strict=True)]
     np.testing.assert_array_equal(together, alone)
+
+
+def test_sights_one_after_the_other_are_those_of_all(view, room, corridor):
+    """Scans with places of different numbers, put together step by step."""
+    scans = [view("a", room, Pose2(2.0, 1.5, 0.4)), view("b", corridor, Pose2(0.0, 0.8, 0.1)),
+             view("c", room, Pose2(1.0, 1.0, -2.0), max_range=1.5)]  # fmt: skip
+    sights = [scan.sight for scan in scans]
+    assert len({len(sight.places) for sight in sights}) == 3
+    together = Sights.of(sights)
+    joined = Sights.of(sights[:1]) + (Sights.of(sights[1:2]) + Sights.of(sights[2:]))
+    poses = np.random.default_rng(4).uniform([-30, -30, -3], [30, 30, 3], (3, 300, 3))
+    for sight in sights:
+        met = may_meet(together, sight, poses)
+        assert met.any()
+        assert not met.all()
+        np.testing.assert_array_equal(may_meet(joined, sight, poses), met)
