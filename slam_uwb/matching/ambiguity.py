@@ -7,7 +7,7 @@ wherever its hypotheses allow.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,11 +16,10 @@ from ..model.geometry import Pose2
 from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .crossing import crossing
-from .evidence import Block, Seen, total_evidence
-from .gain import said_of_second
+from .evidence import Block, total_evidence
 from .index import ScanIndex
 from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
+from .parts import part_of, seen_by_each
 
 _ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known
 _RIVALS = 10  # places looked at, those with most support
@@ -104,12 +103,12 @@ def _rivals(
     range_gain: RangeGain,
 ) -> dict[frozenset[StationId], Rival]:
     """Groups of stations that fit elsewhere in the rest of the block."""
-    seen, touching = _seen_by_each(block, scans, settings), touching_stations(hypotheses)
+    seen, touching = seen_by_each(block, scans, settings), touching_stations(hypotheses)
     whole = total_evidence(block, scans, settings)
     found = {}
     for group in groups:
-        rest = _part(block, block.poses.keys() - group, seen)
-        part = _part(block, group, seen)
+        rest = part_of(block, block.poses.keys() - group, seen)
+        part = part_of(block, group, seen)
         # In its own frame: from the block's, a turn would move it far.
         pose = next(iter(part.poses.values()))
         inverse = pose.inverse()
@@ -133,50 +132,3 @@ def _rivals(
             other_T_block = Pose2.from_vector(places[best]) @ inverse
             found[group] = Rival(other_T_block, float(gains[best]), float(gains[0]))
     return found
-
-
-def _seen_by_each(
-    block: Block, scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
-) -> dict[StationId, dict[StationId, Seen]]:
-    """What each station of the block (inner key) says of the points of each other (outer key)."""
-    seen: dict[StationId, dict[StationId, Seen]] = {station: {} for station in block.poses}
-    for crossed in crossing(block, block, np.zeros((1, 3)), scans):
-        said = said_of_second(crossed, scans, settings)
-        for i, (hit,), (through,) in zip(
-            crossed.witnesses, said.hit, said.seen_through, strict=True
-        ):
-            if i != crossed.j:
-                seen[crossed.j][i] = Seen(hit, hit, through)
-    return seen
-
-
-def _part(
-    block: Block,
-    members: Set[StationId],
-    seen: Mapping[StationId, Mapping[StationId, Seen]],
-) -> Block:
-    """Some stations of the block, in its frame, as if the others had never been there."""
-    kept = np.array([row for row, station in enumerate(block.poses) if station in members])
-    return Block(
-        {station: pose for station, pose in block.poses.items() if station in members},
-        {
-            j: block.seen[j]
-            if seen[j].keys() <= members
-            else _together([said for i, said in seen[j].items() if i in members], block.seen[j])
-            for j in block.poses
-            if j in members
-        },
-        block.sights[kept],
-    )
-
-
-def _together(said: Sequence[Seen], like: Seen) -> Seen:
-    """What some witnesses say together."""
-    if not said:
-        nothing = np.zeros_like(like.hits)
-        return Seen(nothing, nothing, nothing)
-    return Seen(
-        np.sum([values.hits for values in said], axis=0),
-        np.max([values.best for values in said], axis=0),
-        np.sum([values.through for values in said], axis=0),
-    )

@@ -115,19 +115,21 @@ def merge_candidates(
     if not joining:
         return np.zeros((0, 3))
     poses = np.array([a_T_b.vector for a_T_b, _ in joining])
-    score = np.array([score for _, score in joining])
+    score = np.array([match.score for _, match in joining])
+    slides = np.array([match.degenerate for _, match in joining])
     # Compare where the blocks' stations come to lie, not the origins: a turn moves distant
     # stations.
     centre = np.mean([pose.translation for pose in b.poses.values()], axis=0)
     places = compose(poses, np.array([*centre, 0.0]))
     same = near(places, _SAME_M, _SAME_RAD)
     support = same @ np.maximum(score, _LEAST_SUPPORT_M)
-    order = np.lexsort((-score, -np.round(support, 9)))
+    # Of one place, what walls hold in every direction comes before what may have slid along some.
+    order = np.lexsort((-score, slides, -np.round(support, 9)))
     return poses[first_of_each(order, same, len(order) if most is None else most)]
 
 
-def _joining(a: Block, b: Block, touching: Touching) -> Iterator[tuple[Pose2, float]]:
-    """a_T_b by each hypothesis between their stations, and its score."""
+def _joining(a: Block, b: Block, touching: Touching) -> Iterator[tuple[Pose2, ScanMatch]]:
+    """a_T_b by each hypothesis between their stations, and the hypothesis."""
     smaller, other = (a.poses, b.poses) if len(a.poses) < len(b.poses) else (b.poses, a.poses)
     for station in smaller:
         for match in touching.get(station, ()):
@@ -137,7 +139,7 @@ def _joining(a: Block, b: Block, touching: Touching) -> Iterator[tuple[Pose2, fl
                 i, j, i_T_j = match.target, match.source, match.target_T_source
             else:
                 i, j, i_T_j = match.source, match.target, match.target_T_source.inverse()
-            yield a.poses[i] @ i_T_j @ b.poses[j].inverse(), match.score
+            yield a.poses[i] @ i_T_j @ b.poses[j].inverse(), match
 
 
 def aligned_gains(

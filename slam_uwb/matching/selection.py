@@ -19,6 +19,7 @@ from .pairs import Pair
 from .placement import place_stations
 from .rejection import with_reasons
 from .rematching import leave_free_directions, rematch_pairs, with_firm, within
+from .slips import without_slips
 from .spanning import in_first_frame, largest_group, spanning_placement
 
 _ROUNDS = 2
@@ -79,8 +80,8 @@ def select_matches(
     )  # fmt: skip
     if not blocks:
         return Selection({}, (), with_reasons(hypotheses, (), {}))
-    block_T_station = blocks[0].poses
     doubtful = _doubtful(blocks, scans, hypotheses, settings, range_gain, firm)
+    block_T_station = without_slips(blocks[0], scans, hypotheses, settings)
     certain = {s: pose for s, pose in block_T_station.items() if s not in doubtful}
     placement, used = _until_still(certain, rematch, adjust)
     return Selection(

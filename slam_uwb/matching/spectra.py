@@ -19,6 +19,9 @@ DIRECTIONS = 360
 BLOCK = 3
 """Cells along an edge of the blocks of the correlation grid that may hold one peak each."""
 _BLUR_CELLS = 0.8
+# Of the radius. What is moved over the edge comes back on the other side: the end of a corridor would come to
+# lie in the free space that the other scan has there, at the right place.
+_FREE_REACH = 2.0 / 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +107,10 @@ def _grids(
     points = scan.points[np.hypot(*scan.points.T) < settings.correlation_radius_m]
     metres, bearing = _polar_cells(size, settings.correlation_cell_m)
     sectors = len(scan.free_ranges) / (2.0 * math.pi)
-    reach = (scan.free_ranges - settings.free_space_margin_m).astype(np.float32)
+    reach = np.minimum(
+        scan.free_ranges - settings.free_space_margin_m,
+        _FREE_REACH * settings.correlation_radius_m,
+    ).astype(np.float32)
     for occupied, free, angle in zip(*grids, angles, strict=True):
         cells = np.rint(points @ rotation_matrix(angle) / settings.correlation_cell_m).astype(int)
         occupied[cells[:, 1], cells[:, 0]] = 1.0

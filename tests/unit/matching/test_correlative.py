@@ -95,3 +95,24 @@ def test_oblique_walls_are_brought_in_line(view, settings):
     turned = np.abs(np.remainder(starts[:, 2] - truth.theta + np.pi, 2 * np.pi) - np.pi)
     near = np.hypot(starts[:, 0] - truth.x, starts[:, 1] - truth.y) < 0.3
     assert (near & (turned < np.radians(4.0))).any()
+
+
+def test_ends_that_wrap_round_do_not_stand_in_free_space(view, settings):
+    """A corridor 25 m long, with niches: moved 2.7 m, its end 10 m behind leaves the grid and comes back ahead."""
+    niches = [(4.0, 4.8, 2), (7.5, 8.6, 0), (13.2, 14.0, 2), (15.5, 16.7, 0), (19.0, 20.0, 2)]
+    walls = [((0.0, 0.0), (0.0, 2.0)), ((25.0, 0.0), (25.0, 2.0))]
+    for side, deep in ((0.0, -0.8), (2.0, 2.8)):
+        along = [0.0]
+        for first, last, of_side in niches:
+            if of_side == side:
+                walls += [((along[-1], side), (first, side)), ((first, side), (first, deep)),
+                          ((first, deep), (last, deep)), ((last, deep), (last, side))]  # fmt: skip
+                along.append(last)
+        walls.append(((along[-1], side), (25.0, side)))
+    rng = np.random.default_rng(1)
+    for b in (12.5, 12.9, 13.3):
+        target, source = Pose2(10.2, 1.1, 0.4), Pose2(b, 0.9, -2.0)
+        starts = correlative_matches(
+            view("a", walls, target, rng), view("b", walls, source, rng), settings
+        )
+        assert near(starts[:4], target.inverse() @ source).any()
