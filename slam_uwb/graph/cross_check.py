@@ -37,10 +37,7 @@ def check_optimum(optimum: Optimum, indices: Indices, settings: GraphSettings) -
 
 
 def batch_gap(optimum: Optimum, indices: Indices) -> float:
-    """m, how far from the optimum iSAM2 is, and where batch Levenberg-Marquardt ends.
-
-    Both have the same graph; the batch solver starts somewhat off.
-    """
+    """m, how far from the optimum iSAM2 and batch Levenberg-Marquardt, from somewhat off, end."""
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setRelativeErrorTol(1e-14)
     parameters.setAbsoluteErrorTol(1e-14)

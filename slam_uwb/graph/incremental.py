@@ -26,9 +26,10 @@ from .variables import Indices, Variables, from_values
 
 _SILENT_PASSES = 4
 """A cost that so often changed by no more than it is rounded by has nothing more to say."""
-_SHORT_M = 1e-5
-"""m and rad. A step so short that gains nothing is rounding: near the identity GTSAM knows derivatives of
-matches to a few digits only, and steps do not end below a micrometre."""
+_SHORT_M, _SHORT_SAFE_M = 1e-5, 1e-3
+"""m and rad. A step so short that gains nothing is rounding, and a safe one, which gains wherever there is
+anything to gain, already when it is longer: of matches that are turned against each other by some 1e-5 rad
+GTSAM knows the derivatives to a few digits only, and steps do not become shorter for ever."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +94,7 @@ def solve_by_passes(
     bent, passes, silent = True, 0, 0
     while passes < settings.max_passes:
         passes += 1
+        short = _SHORT_SAFE_M if worse else _SHORT_M
         linear = problem.linear(best, trust, safe=worse)
         order = order or gtsam.Ordering.ColamdGaussianFactorGraph(linear)
         bends = anchor_bends(ranges, best.ranges, indices) if bent and not worse else []
@@ -106,7 +108,7 @@ def solve_by_passes(
         step = moved
         if not worse:
             best = present
-        still = moved < settings.tolerance_m or (moved < _SHORT_M and gain < rounding)
+        still = moved < settings.tolerance_m or (moved < short and gain < rounding)
         # On a short leash a small step says nothing.
         if (still and (worse or trust >= 0.1)) or silent == _SILENT_PASSES:
             break
