@@ -24,7 +24,9 @@ SEED = 1
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--sizes", default="18,90", help="stations: of 18, 90, 300, 1000")
     parser.addoption("--batch", type=int, default=6, help="surveys of the batch")
-    parser.addoption("--graph", type=int, default=3000, help="stations of the largest drawn graph")
+    parser.addoption(
+        "--graph", type=int, default=10_000, help="stations of the largest drawn graph"
+    )
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -1,7 +1,7 @@
 """A drawn graph of any size: stations in rows, matches with neighbours, links to the nearest anchors.
 
-Solved twice from one start: by the package's passes of iSAM2, and by GTSAM's batch
-Levenberg-Marquardt on its own C++ factors of the same matches and ranges.
+Solved twice from one start: by the package's passes, and by GTSAM's batch Levenberg-Marquardt on its
+own C++ factors of the same matches and ranges.
 """
 
 from __future__ import annotations

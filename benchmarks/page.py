@@ -17,7 +17,7 @@ from slam_uwb import __version__
 
 Bench = dict[str, Any]
 COMMAND = (
-    '`make bench` writes this page; `make bench ARGS="--sizes 18,90,300,1000 --batch 40 --graph 10000"` measures '
+    '`make bench` writes this page; `make bench ARGS="--sizes 18,90,300,1000 --batch 40"` measures '
     "all sizes."
 )
 SIZES = (
@@ -144,7 +144,7 @@ def _graphs(benches: list[Bench]) -> str:
         "From a start within 0.2 m and 2 degrees, Gaussian ranges without delays; GTSAM's batch "
         "Levenberg-Marquardt works on its own C++ factors of the same measurements.\n\n"
     )
-    return text + _table(["", "passes of iSAM2", "batch", "ratio", "apart"], rows)
+    return text + _table(["", "passes", "batch", "ratio", "apart"], rows)
 
 
 def _profiles(benches: list[Bench]) -> str:

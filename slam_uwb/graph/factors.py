@@ -124,29 +124,12 @@ def delay_prior(anchor: int, sigma: float) -> gtsam.BetweenFactorDouble:
     return gtsam.BetweenFactorDouble(OFFSET_KEY, D(anchor), 0.0, noise)
 
 
-def linear_factor(
-    keys: tuple[int, int, int],
-    blocks: tuple[FloatArray, FloatArray, FloatArray],
-    right: FloatArray,
-    unit: gtsam.noiseModel.Unit,
-    at: gtsam.Values,
-) -> gtsam.LinearContainerFactor:
-    """``0.5 |sum of block delta - right|^2`` about the values `at`; whitened, `unit` is noise of one."""
-    (k1, k2, k3), (j1, j2, j3) = keys, blocks
-    return gtsam.LinearContainerFactor(
-        gtsam.JacobianFactor(k1, j1, k2, j2, k3, j3, right, unit), at
-    )
-
-
-def curvature_factor(
-    anchor: int, hessian: FloatArray, at: gtsam.Values
-) -> gtsam.LinearContainerFactor:
-    """``0.5 delta^T hessian delta`` about the values `at`; delta is (x, y, offset) of an anchor."""
+def curvature_factor(anchor: int, hessian: FloatArray) -> gtsam.HessianFactor:
+    """``0.5 delta^T hessian delta``; delta is (x, y, offset) of an anchor."""
     place, offset = np.zeros(2), np.zeros(1)
-    factor = gtsam.HessianFactor(
+    return gtsam.HessianFactor(
         L(anchor), D(anchor), hessian[:2, :2], hessian[:2, 2:], place, hessian[2:, 2:], offset, 0.0
     )
-    return gtsam.LinearContainerFactor(factor, at)
 
 
 def slant_range_factor(

@@ -24,11 +24,11 @@ from ..model.solution import Status
 from ..model.survey import Anchor, AnchorId, RangeOffset, Station, StationId
 from . import factors
 from .feeding import feed_ranges
-from .incremental import solver_error
 from .initial import Search, find_point
 from .range_fit import OffsetPrior
 from .ranges import RangeTable, WeighedRanges, weigh_ranges
 from .sightings import Sightings
+from .steps import solver_error
 from .variables import Indices, Variables, from_values
 
 _STALE_M = 3e-3

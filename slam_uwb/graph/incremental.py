@@ -1,45 +1,70 @@
-"""One iSAM2 problem, solved by passes: look at the residuals outside, feed Gaussian factors, repeat.
+"""The joint problem, solved by passes: look at the residuals outside, solve with Gaussians, repeat.
 
-A pass replaces each range factor by the Gaussian that touches its cost at the best estimate so far:
-same slope, a curvature that is never negative. Where a pass made the total cost worse, the next one
-uses the curvature of line of sight, which no cost exceeds (every density is a Gaussian convolved with
-something: the step is that of expectation-maximisation), and a shorter leash.
+A pass replaces each range by the Gaussian that touches its cost at the best estimate so far: same
+slope, a curvature that is never negative. Where a pass made the total cost worse, the next one uses the
+curvature of line of sight, which no cost exceeds (every density is a Gaussian convolved with something:
+the step is that of expectation-maximisation), and a shorter leash. Everything moves in a pass, so it
+eliminates everything at once: iSAM2 would do no less, at three times the price. The iSAM2 problem is what
+the passes end at.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 
-from ..model.errors import SolverError
 from ..model.geometry import FloatArray
 from ..model.settings import GraphSettings
 from . import factors
-from .feeding import anchor_bends, feed_ranges
+from .feeding import anchor_bends
 from .ranges import RangeTable, WeighedRanges
-from .variables import Indices, Variables, from_values, movement, to_values
+from .steps import Estimate, Problem, solve_linear, solver_error
+from .variables import Indices, Variables, from_values
 
-# A cost that so often changed by no more than it is rounded by has nothing more to say.
 _SILENT_PASSES = 4
+"""A cost that so often changed by no more than it is rounded by has nothing more to say."""
+_SHORT_M, _SHORT_SAFE_M = 1e-5, 1e-3
+"""m and rad. A step so short that gains nothing is rounding, and a safe one, which gains wherever there is
+anything to gain, already when it is longer: of matches that are turned against each other by some 1e-5 rad
+GTSAM knows the derivatives to a few digits only, and steps do not become shorter for ever."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """A solved graph."""
+    """A solved problem."""
 
     variables: Variables
-    graph: gtsam.NonlinearFactorGraph
-    values: gtsam.Values
     passes: int
     cost: float
     """Negative log likelihood: half the squared whitened residuals, the density's for the ranges."""
-    fixed: gtsam.NonlinearFactorGraph
-    """Matches and priors."""
-    ranges: WeighedRanges
+    problem: Problem
+    estimate: Estimate
+    """The variables, and what everything costs there."""
+
+    @property
+    def values(self) -> gtsam.Values:
+        """The variables as GTSAM has them."""
+        return self.estimate.values
+
+    @property
+    def graph(self) -> gtsam.NonlinearFactorGraph:
+        """Matches, priors, and exact ranges whose Gaussians touch the costs at the optimum.
+
+        Made when it is asked for: each range is a callback into Python, exact wherever its ends are.
+        """
+        problem, here = self.problem, self.estimate
+        graph, table = gtsam.NonlinearFactorGraph(problem.fixed), problem.ranges.table
+        curvatures = problem.ranges.let_in(here.ranges, safe=False)
+        measured = table.measured - here.ranges.spans.residuals + here.ranges.slopes / curvatures
+        sigmas = 1.0 / np.sqrt(curvatures)
+        for row, (m, sigma) in enumerate(zip(measured, sigmas, strict=True)):
+            graph.push_back(_range_factor(table, problem.indices, row, float(m), float(sigma)))
+        for leash in _leashes(self.variables, problem.indices, table):
+            graph.push_back(leash)
+        return graph
 
 
 def solve_by_passes(
@@ -63,52 +88,74 @@ def solve_by_passes(
     Raises:
         SolverError: a variable is not determined, or something is not finite.
     """
-    table = ranges.table
-    isam = gtsam.ISAM2(_isam_parameters())
-    values = to_values(start, indices, with_offset=len(table.measured) > 0)
-    best, best_values, best_cost = start, values, _cost(fixed, ranges, start, values)
-    trust, worse, slots, step = factors.WEAK_PLACE_SIGMA, not near, list[int](), math.inf
-    bent, silent = True, 0
-    for passes in range(1, settings.max_passes + 1):
-        fed = feed_ranges(ranges, best, best_values, indices, safe=worse)
-        fed += _leashes(best, indices, table, trust)
-        bends = anchor_bends(ranges, best, best_values, indices) if bent and not worse else []
-        new = (fixed, values) if passes == 1 else (gtsam.NonlinearFactorGraph(), gtsam.Values())
-        isam, slots, bent = _advance(isam, slots, new, fed, bends, indices)
-        estimate = isam.calculateEstimate()
-        present = from_values(estimate, start, indices)
-        cost, moved = _cost(fixed, ranges, present, estimate), movement(best, present)
+    problem = Problem.of(fixed, ranges, start, indices)
+    best = problem.start(start)
+    trust, worse, step, order = factors.WEAK_PLACE_SIGMA, not near, math.inf, None
+    bent, passes, silent = True, 0, 0
+    while passes < settings.max_passes:
+        passes += 1
+        short = _SHORT_SAFE_M if worse else _SHORT_M
+        linear = problem.linear(best, trust, safe=worse)
+        order = order or gtsam.Ordering.ColamdGaussianFactorGraph(linear)
+        bends = anchor_bends(ranges, best.ranges, indices) if bent and not worse else []
+        delta, bent = solve_linear(linear, bends, order, indices)
+        present = problem.at(best.values.retract(delta))
+        moved = best.places.movement(present.places)
         # Steps that grow where the cost changes by no more than it is rounded by swing about the optimum.
-        gain, rounding = best_cost - cost, 1e-11 * (1.0 + abs(best_cost))
+        gain, rounding = best.cost - present.cost, 1e-11 * (1.0 + abs(best.cost))
         worse = gain < -rounding or (gain < rounding and moved >= step)
         silent = silent + 1 if abs(gain) < rounding else 0
         step = moved
         if not worse:
-            best, best_values, best_cost = present, estimate, cost
+            best = present
+        still = moved < settings.tolerance_m or (moved < short and gain < rounding)
         # On a short leash a small step says nothing.
-        if moved < settings.tolerance_m and (worse or trust >= 0.1):
-            break
-        if silent == _SILENT_PASSES:
+        if (still and (worse or trust >= 0.1)) or silent == _SILENT_PASSES:
             break
         trust = min(1.0, trust) / 3.0 if worse else min(factors.WEAK_PLACE_SIGMA, 2.0 * trust)
-    return _finish(fixed, ranges, best, indices, passes)
+    return Optimum(from_values(best.values, start, indices), passes, best.cost, problem, best)
+
+
+def incremental_problem(optimum: Optimum) -> gtsam.ISAM2:
+    """The iSAM2 problem of all poses, anchors and offsets at the optimum.
+
+    Its marginals are those of the last linearisation; stations and links can be added to it.
+    """
+    problem, estimate = optimum.problem, optimum.estimate
+    ranges = problem.linear_ranges(estimate, factors.WEAK_PLACE_SIGMA, safe=False)
+    graph = gtsam.LinearContainerFactor.ConvertLinearGraph(ranges, estimate.values)
+    graph.push_back(problem.fixed)
+    isam = gtsam.ISAM2(_isam_parameters())
+    try:
+        isam.update(graph, estimate.values)
+    except RuntimeError as error:
+        raise solver_error(error, problem.indices) from error
+    return isam
+
+
+def _isam_parameters() -> gtsam.ISAM2Params:
+    # The defaults (every 10th update, threshold 0.1, wildfire 1e-3) stop up to 95 mm short.
+    step = gtsam.ISAM2GaussNewtonParams()
+    step.setWildfireThreshold(1e-10)
+    parameters = gtsam.ISAM2Params()
+    parameters.setOptimizationParams(step)
+    parameters.relinearizeSkip = 1
+    parameters.setRelinearizeThreshold(1e-8)
+    return parameters
 
 
 def _leashes(
-    present: Variables, indices: Indices, table: RangeTable, trust: float
+    present: Variables, indices: Indices, table: RangeTable
 ) -> list[gtsam.NonlinearFactor]:
-    """Priors at the present place of what only ranges hold: the damping that iSAM2 does not have.
-
-    They follow the estimate, so they bend no result. An anchor near the line of its stations needs
-    them: Gauss-Newton jumps across the line for ever.
-    """
+    """Weak priors at the present place of what only ranges hold."""
+    weak = factors.WEAK_PLACE_SIGMA
     leashes: list[gtsam.NonlinearFactor] = [
-        factors.anchor_prior(indices.anchors[name], place, trust)
+        factors.anchor_prior(indices.anchors[name], place, weak)
         for name, place in present.anchors.items()
     ]
     lost = [name for name in present.poses if name in table.lost]
     return leashes + [
-        factors.station_prior(indices.stations[name], present.poses[name].translation, trust)
+        factors.station_prior(indices.stations[name], present.poses[name].translation, weak)
         for name in lost
     ]
 
@@ -132,95 +179,6 @@ def _range_factor(
     return factors.slant_range_factor(station, anchor, measured, sigma, lever, rise)
 
 
-def _isam_parameters() -> gtsam.ISAM2Params:
-    # The defaults (every 10th update, threshold 0.1, wildfire 1e-3) stop up to 95 mm short.
-    step = gtsam.ISAM2GaussNewtonParams()
-    step.setWildfireThreshold(1e-10)
-    parameters = gtsam.ISAM2Params()
-    parameters.setOptimizationParams(step)
-    parameters.relinearizeSkip = 1
-    parameters.setRelinearizeThreshold(1e-8)
-    return parameters
-
-
-def _advance(
-    isam: gtsam.ISAM2,
-    old_slots: list[int],
-    new: tuple[gtsam.NonlinearFactorGraph, gtsam.Values],
-    fed: list[gtsam.NonlinearFactor],
-    bends: list[gtsam.NonlinearFactor],
-    indices: Indices,
-) -> tuple[gtsam.ISAM2, list[int], bool]:
-    """One step, with the bends where they leave the problem definite.
-
-    Returns:
-        What has taken the step, the slots of the fed factors, and whether bends are of use.
-    """
-    if bends:
-        # What iSAM2 is after a failure is not known.
-        spare = gtsam.ISAM2(isam)
-        try:
-            return isam, _exchange(isam, old_slots, new, [*fed, *bends], indices), True
-        except SolverError:
-            # An anchor is held only as well as the poses that see it.
-            isam = spare
-    return isam, _exchange(isam, old_slots, new, fed, indices), not bends
-
-
-def _exchange(
-    isam: gtsam.ISAM2,
-    old_slots: list[int],
-    new: tuple[gtsam.NonlinearFactorGraph, gtsam.Values],
-    fed: list[gtsam.NonlinearFactor],
-    indices: Indices,
-) -> list[int]:
-    """Replace the factors in the old slots by those fed, add new ones, take one step.
-
-    Returns:
-        The slots of the fed factors.
-    """
-    graph, values = gtsam.NonlinearFactorGraph(new[0]), new[1]
-    for factor in fed:
-        graph.push_back(factor)
-    try:
-        result = isam.update(graph, values, old_slots)
-    except RuntimeError as error:
-        raise solver_error(error, indices) from error
-    slots = list(result.getNewFactorsIndices())
-    return slots[len(slots) - len(fed) :]
-
-
-def solver_error(error: RuntimeError, indices: Indices) -> SolverError:
-    """GTSAM's complaint in the words of the survey."""
-    symbol = re.search(r"Symbol: ([xlbd]\d+)", str(error))
-    if "Indeterminate" in str(error) and symbol:
-        name = indices.name(symbol[1])
-        return SolverError(f"the measurements do not determine {name}")
-    return SolverError(f"the solver failed: {error}")
-
-
-def _finish(
-    fixed: gtsam.NonlinearFactorGraph,
-    ranges: WeighedRanges,
-    best: Variables,
-    indices: Indices,
-    passes: int,
-) -> Optimum:
-    """The graph whose factors touch all costs at the optimum, the ranges as exact factors."""
-    table = ranges.table
-    graph = gtsam.NonlinearFactorGraph(fixed)
-    residuals, slopes, curvatures = ranges.touching(best, safe=False)
-    measured = table.measured - residuals + slopes / curvatures
-    sigmas = 1.0 / np.sqrt(curvatures)
-    for row, (m, sigma) in enumerate(zip(measured, sigmas, strict=True)):
-        graph.push_back(_range_factor(table, indices, row, float(m), float(sigma)))
-    for leash in _leashes(best, indices, table, factors.WEAK_PLACE_SIGMA):
-        graph.push_back(leash)
-    values = to_values(best, indices, with_offset=len(table.measured) > 0)
-    cost = _cost(fixed, ranges, best, values)
-    return Optimum(best, graph, values, passes, cost, fixed, ranges)
-
-
 def dense_covariance(optimum: Optimum, keys: list[int]) -> FloatArray:
     """Joint covariance of all variables, in the order of `keys`, which must be all of them.
 
@@ -230,23 +188,9 @@ def dense_covariance(optimum: Optimum, keys: list[int]) -> FloatArray:
     ordering = gtsam.Ordering()
     for key in keys:
         ordering.push_back(key)
-    hessian, _ = optimum.graph.linearize(optimum.values).hessian(ordering)
+    linear = optimum.problem.linear(optimum.estimate, factors.WEAK_PLACE_SIGMA, safe=False)
+    hessian, _ = linear.hessian(ordering)
     # Scaled to a unit diagonal: the gauge's 1e12 beside an anchor's 1e-4 would cost all digits.
     scale = 1.0 / np.sqrt(np.diag(hessian))
     covariance = np.linalg.inv(hessian * np.outer(scale, scale)) * np.outer(scale, scale)
     return np.asarray((covariance + covariance.T) / 2.0)
-
-
-def _cost(
-    fixed: gtsam.NonlinearFactorGraph,
-    ranges: WeighedRanges,
-    variables: Variables,
-    values: gtsam.Values,
-) -> float:
-    """Negative log likelihood of the fixed factors and the ranges."""
-    costs = ranges.density.costs(ranges.table.residuals(variables))
-    cost = float(fixed.error(values) + costs.sum())
-    # GTSAM returns its start without complaint where a measurement is not a number.
-    if not math.isfinite(cost):
-        raise SolverError("the cost is not finite: a match, range or prior is not a number")
-    return cost

@@ -50,7 +50,7 @@ class Round:
 
 
 def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate:
-    """Solve poses, anchors and offsets together (iSAM2; the density of the link model for the ranges).
+    """Solve poses, anchors and offsets together (Gaussian passes; iSAM2 where they end).
 
     Args:
         problem: matches that hold together, links, known places, a model of the links' errors.

@@ -16,7 +16,7 @@ from ..model.settings import GraphSettings
 from ..model.survey import AnchorId, RangeOffset, StationId
 from .range_fit import LEAST_CURVATURE
 from .sightings import Sightings
-from .variables import Variables
+from .variables import Places, Variables
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +127,18 @@ def _sightings(rows: list[tuple[float, ...]]) -> Sightings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Spans:
+    """R ranges as they are at one estimate."""
+
+    slants: FloatArray
+    """(R,) m, between the points; a nanometre at least."""
+    directions: FloatArray
+    """(R, 2) derivative of the predicted range by the second point."""
+    residuals: FloatArray
+    """(R,) m, measured minus predicted minus offset."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RangeTable:
     """R ranges between points: the tags of the solved stations, then the solved anchors."""
 
@@ -149,37 +161,40 @@ class RangeTable:
 
     def residuals(self, variables: Variables) -> FloatArray:
         """(R,) m, measured minus predicted minus offset."""
-        return np.asarray(self.measured - self._offsets(variables) - self.slants(variables))
-
-    def slants(self, variables: Variables) -> FloatArray:
-        """(R,) m, between the points; a nanometre at least."""
-        first, second = self.ends(variables)
-        square = ((second - first) ** 2).sum(axis=1) + self.rises**2
-        return np.asarray(np.maximum(np.sqrt(square), 1e-9))
-
-    def directions(self, variables: Variables) -> FloatArray:
-        """(R, 2) derivative of the predicted range by the second point."""
-        first, second = self.ends(variables)
-        # Straight below the anchor the derivative does not exist; zero is its mean.
-        return np.asarray((second - first) / self.slants(variables)[:, None])
-
-    def _offsets(self, variables: Variables) -> FloatArray:
-        """(R,) m: of the anchor's links; between anchors the common one."""
-        own = np.array([variables.offset_of(name) for name in self.anchors])
-        between = self.first >= len(self.stations)
-        of_row = np.append(own, variables.offset)[
-            np.where(between, len(own), self.second - len(self.stations))
-        ]
-        return np.asarray(of_row)
+        return self.spans(self.places(variables)).residuals
 
     def ends(self, variables: Variables) -> FloatArray:
         """(2, R, 2) m, where both points are."""
-        poses = np.array([variables.poses[name].vector for name in self.stations]).reshape(-1, 3)
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        return self._ends(self.places(variables))
+
+    def places(self, variables: Variables) -> Places:
+        """The variables in the order of the table's points."""
+        poses = [variables.poses[name].vector for name in self.stations]
+        anchors = [variables.anchors[name] for name in self.anchors]
+        offsets = [variables.offset_of(name) for name in self.anchors]
+        return Places(
+            np.array(poses).reshape(-1, 3),
+            np.array(anchors).reshape(-1, 2),
+            np.array([*offsets, variables.offset]),
+        )
+
+    def spans(self, places: Places) -> Spans:
+        """The ranges as they are with everything in these places."""
+        first, second = self._ends(places)
+        apart = second - first
+        square = (apart**2).sum(axis=1) + self.rises**2
+        slants = np.maximum(np.sqrt(square), 1e-9)
+        between = self.first >= len(self.stations)
+        offsets = places.offsets[np.where(between, -1, self.second - len(self.stations))]
+        # Straight below the anchor the derivative does not exist; zero is its mean.
+        return Spans(slants, apart / slants[:, None], self.measured - offsets - slants)
+
+    def _ends(self, places: Places) -> FloatArray:
+        """(2, R, 2) m, where both points are."""
+        c, s = np.cos(places.poses[:, 2]), np.sin(places.poses[:, 2])
         x, y = self.levers.T
-        tags = poses[:, :2] + np.column_stack([c * x - s * y, s * x + c * y])
-        anchors = np.array([variables.anchors[name] for name in self.anchors]).reshape(-1, 2)
-        points: Points = np.vstack([tags, anchors])
+        tags = places.poses[:, :2] + np.column_stack([c * x - s * y, s * x + c * y])
+        points: Points = np.vstack([tags, places.anchors])
         return np.stack([points[self.first], points[self.second]])
 
 
@@ -220,6 +235,19 @@ def build_range_table(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RangeCosts:
+    """What R ranges cost at one estimate, to second order in their errors."""
+
+    spans: Spans
+    costs: FloatArray
+    """(R,) negative log likelihood."""
+    slopes: FloatArray
+    """(R,) 1/m, by the error."""
+    curvatures: FloatArray
+    """(R,) 1/m^2, of any sign."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class WeighedRanges:
     """The ranges with the density of their errors."""
 
@@ -229,16 +257,17 @@ class WeighedRanges:
     curvature_limits: tuple[float, float]
     """1/m^2, of a link that counts in full: the least that is let in, and what no cost exceeds."""
 
-    def touching(
-        self, variables: Variables, safe: bool
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(R,) residuals, slopes and curvatures of the Gaussians that touch the costs."""
-        residuals = self.table.residuals(variables)
-        _, slopes, curvatures = self.density.expand(residuals)
+    def expand(self, places: Places) -> RangeCosts:
+        """The costs to second order at these places."""
+        spans = self.table.spans(places)
+        costs, slopes, curvatures = self.density.expand(spans.residuals)
+        return RangeCosts(spans, costs, slopes, curvatures)
+
+    def let_in(self, here: RangeCosts, safe: bool) -> FloatArray:
+        """(R,) 1/m^2, curvatures that are positive: the costs' own or, if safe, what they nowhere exceed."""
         least, most = self.curvature_limits
         weights = self.density.weights
-        curvatures = most * weights if safe else np.maximum(curvatures, least * weights)
-        return residuals, slopes, curvatures
+        return most * weights if safe else np.maximum(here.curvatures, least * weights)
 
 
 def weigh_ranges(table: RangeTable, labels: FloatArray, model: LinkModel) -> WeighedRanges:

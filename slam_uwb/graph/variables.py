@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import gtsam
 import numpy as np
 
-from ..model.geometry import Pose2, Vector2
+from ..model.geometry import FloatArray, Points, Pose2, Vector2
 from ..model.products import GraphProblem
 from ..model.survey import AnchorId, StationId
 from . import factors
@@ -30,6 +30,26 @@ class Variables:
     def offset_of(self, anchor: AnchorId) -> float:
         """m, offset of an anchor's links."""
         return self.offset + self.delays.get(anchor, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """The same as arrays: S poses, A anchors, and the offset of each anchor's links before the common one."""
+
+    poses: FloatArray
+    """(S, 3) x, y in m and theta in rad."""
+    anchors: Points
+    """(A, 2) m."""
+    offsets: FloatArray
+    """(A + 1,) m."""
+
+    def movement(self, other: Places) -> float:
+        """Largest change of anything; a radian counts as a metre."""
+        poses = other.poses - self.poses
+        turns = np.abs(np.arctan2(np.sin(poses[:, 2]), np.cos(poses[:, 2])))
+        anchors = other.anchors - self.anchors
+        steps = [np.hypot(*poses[:, :2].T), turns, np.hypot(*anchors.T)]
+        return float(np.max(np.concatenate([*steps, np.abs(other.offsets - self.offsets)[-1:]])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -102,7 +102,7 @@ class SolverChecks:
     """How far the solver's answer can be confirmed by another way to it."""
 
     isam2_batch_gap: float
-    """m, largest distance of a station or anchor between iSAM2 and batch Levenberg-Marquardt."""
+    """m, largest distance of a station or anchor from where iSAM2 and batch Levenberg-Marquardt have it."""
     other_starts_gap: float
     """m, the same to the best optimum that other starts of the anchors lead to; 0 where none is better."""
     iterations: int

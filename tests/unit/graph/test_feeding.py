@@ -49,17 +49,24 @@ def cost(ranges, step):
     return float(ranges.density.costs(ranges.table.residuals(moved)).sum())
 
 
-def information(linear):
-    """(3, 3) by the anchor's place and offset, and (3,) gradient, of linear factors."""
-    values, graph = to_values(PRESENT, INDICES, with_offset=True), gtsam.NonlinearFactorGraph()
-    for factor in linear:
-        graph.push_back(factor)
+def information(fed, bends=()):
+    """(3, 3) by the anchor's place and offset, and (3,) gradient, of fed factors and bends."""
+    values, graph = to_values(PRESENT, INDICES, with_offset=True), gtsam.GaussianFactorGraph()
+    for factor in fed:
+        graph.push_back(factor.linearize(values))
+    for bend in bends:
+        graph.push_back(bend)
     ordering = gtsam.Ordering()
     keys = {*graph.keyVector()} - {factors.L(0), factors.D(0)}
     for key in (factors.L(0), factors.D(0), *sorted(keys)):
         ordering.push_back(key)
-    hessian, right = graph.linearize(values).hessian(ordering)
+    hessian, right = graph.hessian(ordering)
     return hessian[:3, :3], -right[:3]
+
+
+def bends_of(ranges):
+    """At the present estimate."""
+    return anchor_bends(ranges, ranges.expand(ranges.table.places(PRESENT)), INDICES)
 
 
 ERRORS = np.array([0.02, 0.6, -0.05, 0.1, 0.9])
@@ -69,7 +76,7 @@ def test_fed_ranges_and_bends_are_the_cost_to_second_order():
     ranges, h = weighed(ERRORS), 1e-3
     values = to_values(PRESENT, INDICES, with_offset=True)
     fed = feed_ranges(ranges, PRESENT, values, INDICES, safe=False)
-    bends = anchor_bends(ranges, PRESENT, values, INDICES)
+    bends = bends_of(ranges)
     steps = h * np.eye(3)
     slope = [(cost(ranges, s) - cost(ranges, -s)) / (2 * h) for s in steps]
     curvature = [
@@ -82,7 +89,7 @@ def test_fed_ranges_and_bends_are_the_cost_to_second_order():
     ]
 
     assert len(bends) == 1
-    hessian, gradient = information([*fed, *bends])
+    hessian, gradient = information(fed, bends)
 
     np.testing.assert_allclose(gradient, slope, rtol=1e-3, atol=1e-2)
     np.testing.assert_allclose(hessian, curvature, rtol=1e-2, atol=0.5)
@@ -93,9 +100,8 @@ def test_fed_ranges_and_bends_are_the_cost_to_second_order():
 def test_an_anchor_that_its_ranges_do_not_hold_gets_no_bend():
     # All far out in the tails of walls, where costs bend the other way.
     ranges = weighed(np.full(5, 2.5))
-    values = to_values(PRESENT, INDICES, with_offset=True)
 
-    assert anchor_bends(ranges, PRESENT, values, INDICES) == []
+    assert bends_of(ranges) == []
 
 
 @pytest.mark.parametrize("safe", [True, False])
@@ -104,7 +110,8 @@ def test_the_derivative_by_a_pose_is_that_of_its_tag(safe):
     values = to_values(PRESENT, INDICES, with_offset=True)
     factor = feed_ranges(ranges, PRESENT, values, INDICES, safe)[1]
     matrix = factor.linearize(values).jacobian()[0][0]
-    curvature = ranges.touching(PRESENT, safe)[2][1]
+    table = ranges.table
+    curvature = ranges.let_in(ranges.expand(table.places(PRESENT)), safe)[1]
     h, expected = 1e-6, []
     for step in h * np.eye(3):
         ends = []
@@ -112,7 +119,7 @@ def test_the_derivative_by_a_pose_is_that_of_its_tag(safe):
             # A small step in the pose's own axes.
             pose = POSES["s1"] @ Pose2(*(sign * step))
             moved = replace(PRESENT, poses={**POSES, "s1": pose})
-            ends.append(ranges.table.slants(moved)[1])
+            ends.append(table.spans(table.places(moved)).slants[1])
         expected.append((ends[0] - ends[1]) / (2 * h))
 
     keys = list(factor.keys())
