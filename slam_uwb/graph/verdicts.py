@@ -23,8 +23,10 @@ FAULT_SIGMAS = 5.0
 """and it is off by more than this many sigmas of a link in line of sight."""
 SWAP_GAIN = 6.0
 """nats by which two ranges must fit better swapped where one of them is a fault,"""
-SILENT_SWAP_GAIN = 10.0
-"""and where none is: one pair in a thousand may be swapped, and that must be likelier than not by far."""
+FAULTY_PAIR_GAIN = 3.0
+"""the same with the places left open (`swaps`): twenty to one,"""
+SOUND_PAIR_GAIN = 10.0
+"""and where neither is a fault: one pair in a thousand may be swapped, and that must be likelier by far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def judge_links(
         labels, sigmas = model.labels(first, second), np.array([k.sigma for k in ends])
         anchors = _links_by_anchor(ends, solved, first, rises)
         gains = swap_gains(anchors, lambda rows: model.density(labels[rows], sigmas[rows]))
-        named = _name_silent_swaps(ends, named, gains)
+        named = _name_open_swaps(ends, named, gains)
     return {(link.station, link.anchor): verdict for link, verdict in zip(ends, named, strict=True)}
 
 
@@ -96,17 +98,17 @@ def _links_by_anchor(
     return found
 
 
-def _name_silent_swaps(
+def _name_open_swaps(
     links: list[LinkMeasurement],
     verdicts: list[LinkVerdict],
     gains: Mapping[tuple[int, int], float],
 ) -> list[LinkVerdict]:
-    """The verdicts, with the pairs named that fit far better swapped although none is a fault by itself."""
+    """The verdicts, with the pairs named that fit better swapped, whatever the solution's places say."""
     named, taken = list(verdicts), set[int]()
     for pair in sorted(gains, key=lambda pair: -gains[pair]):
-        if gains[pair] <= SILENT_SWAP_GAIN:
-            break
-        if taken.isdisjoint(pair):
+        faulty = any(verdicts[link].fault is not None for link in pair)
+        least = FAULTY_PAIR_GAIN if faulty else SOUND_PAIR_GAIN
+        if gains[pair] > least and taken.isdisjoint(pair):
             taken.update(pair)
             for one, other in (pair, pair[::-1]):
                 named[one] = replace(verdicts[one], fault=_swapped_with(links[other]))
