@@ -51,6 +51,12 @@ _TagHeightOption = Annotated[
     float | None,
     typer.Option(metavar="M", show_default=False, help="Needed where there are ranges."),
 ]
+_TagOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TAG", show_default=False, help="Which tag of a log that holds several (trek1000)."
+    ),
+]
 _MaxRangeOption = Annotated[
     float, typer.Option(min=1.0, max=1000.0, metavar="M", help="Longer returns are none.")
 ]
@@ -77,6 +83,7 @@ def import_recordings(
     ranges: _RangesOption = None,
     heights: _HeightsOption = None,
     tag_height_m: _TagHeightOption = None,
+    tag: _TagOption = None,
     max_range_m: _MaxRangeOption = 40.0,
     band_m: _BandOption = (-0.1, 0.1),
     spacing_m: _SpacingOption = 2.0,
@@ -102,6 +109,7 @@ def import_recordings(
         spacing=spacing_m,
         merge=merge_m,
         tag_height=tag_height_m,
+        tag=tag,
         heights=known,
         parsers=line_parsers(),
     )
@@ -166,10 +174,10 @@ def line_parsers() -> dict[str, ParseLine]:
 
 
 def _readings(find: Callable[[str], RangeEpoch | None]) -> ParseLine:
-    def read(line: str) -> Sequence[tuple[str, float]] | None:
+    def read(line: str) -> tuple[str | None, Sequence[tuple[str, float]]] | None:
         epoch = find(line)
         if epoch is None:
             return None
-        return [(r.anchor, r.distance) for r in epoch.readings if r.other is None]
+        return epoch.tag, [(r.anchor, r.distance) for r in epoch.readings if r.other is None]
 
     return read

@@ -118,7 +118,7 @@ def ask_number(
             say(f"{answer!r} is no number: expected a height in metres, e.g. 2.45")
             continue
         except SlamUwbError as error:
-            say(f"expected a height in metres, e.g. 2.45 ({error})")
+            say(f"{error}: expected e.g. 2.45")
             continue
         if value <= _MAX_UNCONFIRMED_M or (_ask(f"{value:g} m, sure? (y/n)") or "").lower() in (
             "y",

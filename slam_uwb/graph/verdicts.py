@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..model.geometry import FloatArray
+from ..model.geometry import FloatArray, Points
 from ..model.link_law import LinkDensity, LinkModel
 from ..model.products import LinkMeasurement
 from ..model.survey import AnchorId, StationId
 from .find import Scene
+from .swaps import AnchorLinks, swap_gains
 from .variables import Variables
 
 LinkName = tuple[StationId, AnchorId]
@@ -20,7 +22,11 @@ FAULT_BELIEF = 0.5
 FAULT_SIGMAS = 5.0
 """and it is off by more than this many sigmas of a link in line of sight."""
 SWAP_GAIN = 6.0
-"""nats by which two ranges must fit better swapped."""
+"""nats by which two ranges must fit better swapped where one of them is a fault,"""
+FAULTY_PAIR_GAIN = 3.0
+"""the same with the places left open (`swaps`): twenty to one,"""
+SOUND_PAIR_GAIN = 10.0
+"""and where neither is a fault: one pair in a thousand may be swapped, and that must be likelier by far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +75,48 @@ def judge_links(
         for belief, fault, error in zip(walls, faults, errors, strict=True)
     ]
     named = _name_swaps(ends, verdicts, errors, density)
+    if all(verdict.fault is None or "swapped" not in verdict.fault for verdict in named):
+        labels, sigmas = model.labels(first, second), np.array([k.sigma for k in ends])
+        anchors = _links_by_anchor(ends, solved, first, rises)
+        gains = swap_gains(anchors, lambda rows: model.density(labels[rows], sigmas[rows]))
+        named = _name_open_swaps(ends, named, gains)
     return {(link.station, link.anchor): verdict for link, verdict in zip(ends, named, strict=True)}
+
+
+def _links_by_anchor(
+    links: list[LinkMeasurement], solved: Variables, tags: Points, rises: FloatArray
+) -> list[AnchorLinks]:
+    """The links of each anchor, with (L, 2) m of their tags and (L,) m that the anchors are above them."""
+    found = []
+    for anchor in dict.fromkeys(link.anchor for link in links):
+        rows = np.array([k for k, link in enumerate(links) if link.anchor == anchor])
+        offset = solved.offset_of(anchor)
+        distances = np.array([links[k].distance for k in rows]) - offset
+        found.append(
+            AnchorLinks(rows, solved.anchors[anchor], tags[rows], rises[rows], distances, offset)
+        )
+    return found
+
+
+def _name_open_swaps(
+    links: list[LinkMeasurement],
+    verdicts: list[LinkVerdict],
+    gains: Mapping[tuple[int, int], float],
+) -> list[LinkVerdict]:
+    """The verdicts, with the pairs named that fit better swapped, whatever the solution's places say."""
+    named, taken = list(verdicts), set[int]()
+    for pair in sorted(gains, key=lambda pair: -gains[pair]):
+        faulty = any(verdicts[link].fault is not None for link in pair)
+        least = FAULTY_PAIR_GAIN if faulty else SOUND_PAIR_GAIN
+        if gains[pair] > least and taken.isdisjoint(pair):
+            taken.update(pair)
+            for one, other in (pair, pair[::-1]):
+                named[one] = replace(verdicts[one], fault=_swapped_with(links[other]))
+    return named
+
+
+def _swapped_with(other: LinkMeasurement) -> str:
+    return f"fits anchor {other.anchor}: identifiers swapped at this station"
 
 
 def _name_swaps(
@@ -93,8 +140,7 @@ def _name_swaps(
         best = int(np.argmax(gains))
         if gains[best] > SWAP_GAIN:
             for one, other in ((k, others[best]), (others[best], k)):
-                reason = f"fits anchor {links[other].anchor}: identifiers swapped at this station"
-                named[one] = replace(verdicts[one], fault=reason)
+                named[one] = replace(verdicts[one], fault=_swapped_with(links[other]))
     return named
 
 

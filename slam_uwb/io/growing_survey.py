@@ -182,7 +182,7 @@ def check_height(height_m: float) -> None:
     """SlamUwbError where a height above the floor cannot be one in metres."""
     if not _MIN_HEIGHT_M <= height_m <= _MAX_HEIGHT_M:
         raise SlamUwbError(
-            f"{height_m:g}: a height is {_MIN_HEIGHT_M:g} to {_MAX_HEIGHT_M:g} m (metres?)"
+            f"{height_m:g}: a height is {_MIN_HEIGHT_M:g} to {_MAX_HEIGHT_M:g}, in metres"
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -23,10 +24,12 @@ from slam_uwb.capture.ports import LIDARS, TAGS, Instrument, connected
 from slam_uwb.model.survey import Survey
 from slam_uwb.simulate import Lidar, Radio, simulate_survey
 
+PUMP = "serial ports"
+"""The thread that fetches bytes while a recording runs."""
 MAX_UNREAD = 1000
-"""Bytes; 0.3 s of a Sweep."""
+"""Bytes; 0.3 s of a Sweep. While a recording runs there may be none: they are dated when they are fetched."""
 MAX_HOLD_S = 0.3
-"""Of the host, at a stretch: while one instrument is stopped, nobody listens to the other."""
+"""Of the host, at a stretch, outside a recording: while one instrument is stopped, nobody listens to the other."""
 
 
 class SteppedClock(Clock):
@@ -51,7 +54,9 @@ class SteppedClock(Clock):
         return limit
 
     def step(self, unread: int) -> None:
-        """After a round of the emulator. It waits for bytes to be fetched, but not for ever: nobody may listen."""
+        """After a round of the emulator. Waits until all bytes are fetched as long as somebody fetches them."""
+        if unread and any(thread.name == PUMP for thread in threading.enumerate()):
+            return
         since = self.held_since if unread > MAX_UNREAD else None
         if unread > MAX_UNREAD and since is None:
             since = time.monotonic()

@@ -44,8 +44,9 @@ def record(bench, survey, folder: Path, seconds: float, stations=None):
 
 
 def test_the_recorded_office_is_solved_as_the_simulated_one(make_bench, paper_office, tmp_path):
-    folder, seconds = tmp_path / "recorded", 4.0
-    record(make_bench(paper_office, speed=20.0), paper_office, folder, seconds)
+    # Bytes are dated when they are fetched, a step of the clock late: half a second more than was simulated.
+    folder, seconds = tmp_path / "recorded", 4.5
+    record(make_bench(paper_office, speed=40.0), paper_office, folder, seconds)
     check = check_survey(folder)
     assert check.faults == ()
     assert check.warnings == ()
@@ -54,9 +55,8 @@ def test_the_recorded_office_is_solved_as_the_simulated_one(make_bench, paper_of
     # The emulator repeats a station until it is stopped: what was simulated comes first, unchanged.
     counts = []
     for simulated, station in zip(paper_office.stations, recorded.stations, strict=True):
-        # A machine too busy to fetch the bytes in time loses the end of a recording.
-        number = min(len(simulated.scan.ranges), len(station.scan.ranges))
-        assert number > 0.8 * len(simulated.scan.ranges)
+        number = len(simulated.scan.ranges)
+        assert len(station.scan.ranges) >= number
         turned = station.scan.bearings[:number] - simulated.scan.bearings[:number]
         assert np.abs(np.angle(np.exp(1j * turned))).max() < 1e-6
         assert np.allclose(
@@ -74,30 +74,20 @@ def test_the_recorded_office_is_solved_as_the_simulated_one(make_bench, paper_of
     for key, link in heard.items():
         expected = measured[key].distances
         # A DWM1001 prints centimetres.
-        both = min(len(expected), len(link.distances))
-        assert both >= 0.8 * len(expected)
-        assert np.abs(link.distances[:both] - expected[:both]).max() <= 0.005 + 1e-9
+        assert len(link.distances) >= len(expected)
+        assert np.abs(link.distances[: len(expected)] - expected).max() <= 0.005 + 1e-9
 
     # The same samples on both sides, so that nothing but the rounding differs.
-    lengths = {key: len(link.distances) for key, link in heard.items()}
-    same = cut(
-        paper_office, counts, {(s, a): lengths[s, radios[a]] for s, a in links(paper_office)}
-    )
-    write_survey(same, tmp_path / "simulated")
-    fewer = {key: len(link.distances) for key, link in measured.items()}
+    write_survey(paper_office, tmp_path / "simulated")
     compare(
         solve_survey(read_survey(tmp_path / "simulated")),
-        solve_survey(cut(recorded, counts, fewer)),
+        solve_survey(cut(recorded, counts, [len(measured[key].distances) for key in heard])),
         radios,
     )
 
 
-def links(survey):
-    return [(str(link.station), str(link.anchor)) for link in survey.ranges]
-
-
-def cut(survey, counts, lengths):
-    """The first samples of each scan and link."""
+def cut(survey, samples, readings):
+    """The first samples of each scan and readings of each link."""
     return replace(
         survey,
         stations=tuple(
@@ -109,13 +99,11 @@ def cut(survey, counts, lengths):
                     ranges=station.scan.ranges[:number],
                 ),
             )
-            for station, number in zip(survey.stations, counts, strict=True)
+            for station, number in zip(survey.stations, samples, strict=True)
         ),
         ranges=tuple(
             replace(link, distances=link.distances[:number])
-            for link, number in zip(
-                survey.ranges, [lengths[key] for key in links(survey)], strict=True
-            )
+            for link, number in zip(survey.ranges, readings, strict=True)
         ),
     )
 

@@ -100,3 +100,47 @@ def test_unknown_format(run, tmp_path):
     done = run("import", "dxf", tmp_path / "a.dxf", "--out", tmp_path / "survey")
     assert done.returncode == 2
     assert "there are: sweep-csv" in done.stderr
+
+
+TREK = "mc 03 00000{0}00 00000{0}00 00000000 00000000 0960 c2 00024c60 a{1}:0\n"
+TWO_TAGS = TREK.format(1, 0) + TREK.format(2, 10) + TREK.format(3, 0) + TREK.format(4, 0)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "told"),
+    [
+        ("", "s01.log: tag: several tags: name the one on the tripod (--tag) of 0 (6 readings), 10 (2 readings)"),
+        ("--tag 1", "s01.log: tag: there is no tag 1: name the one on the tripod (--tag) of 0 (6"),
+    ],
+)  # fmt: skip
+def test_several_tags_in_a_log_are_not_mixed(run, tmp_path, chosen, told):
+    (tmp_path / "s01.log").write_text(TWO_TAGS)
+    arguments = ("import", "trek1000-log", tmp_path / "s01.log", "--out", tmp_path / "survey")
+    done = run(*arguments, "--tag-height-m", "1.4", *chosen.split())
+    assert done.returncode == 2
+    assert told in done.stderr.replace("\n", " ")
+    assert not (tmp_path / "survey").exists()
+
+
+@pytest.mark.parametrize(("tag", "expected"), [("0", [0.256, 0.768, 1.024]), ("10", [0.512])])
+def test_one_of_several_tags_is_taken(run, tmp_path, tag, expected):
+    (tmp_path / "s01.log").write_text(TWO_TAGS)
+    done = run(
+        "import", "trek1000-log", tmp_path / "s01.log", "--out", tmp_path / "survey", "--tag-height-m", "1.4",
+        "--tag", tag,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    links = check_survey(tmp_path / "survey").survey.ranges
+    assert {link.anchor: link.distances.tolist() for link in links} == {
+        "A0": expected,
+        "A1": expected,
+    }
+
+
+def test_a_tag_chosen_where_the_log_names_none(run, tmp_path):
+    (tmp_path / "s01.log").write_text(LES)
+    done = run(
+        "import", "dwm1001-log", tmp_path / "s01.log", "--out", tmp_path / "survey", "--tag-height-m", "1.4",
+        "--tag", "3",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

@@ -68,6 +68,8 @@ def solve(run, survey, folder):
     [
         ("paper-office", "s15", "A1", "A6"),
         ("paper-office", "s16", "A6", "A7"),
+        # 0.8 m apart: A7 is drawn to half a metre off, where only one of the two is a fault.
+        ("paper-office", "s14", "A6", "A7"),
         ("flat", "s05", "A3", "A5"),
         ("flat", "s08", "A1", "A4"),
         ("flat", "s06", "A1", "A5"),

@@ -14,6 +14,8 @@ from ...model.errors import CaptureError
 from .port import Port
 
 _POLL_S = 0.05
+_PAUSE_S = 0.005
+"""Between reads: fewer, larger chunks; an adapter holds its bytes back for some ms as well."""
 _MAX_WAITING = 4_096
 """Chunks; a program that does not fetch them for minutes is stuck."""
 
@@ -65,6 +67,7 @@ def pumping(ports: Sequence[Port]) -> Iterator[Pump]:
 def _read_ports(ports: Sequence[Port], pump: Pump, stop: threading.Event) -> None:
     try:
         numbers = {port.fileno(): port for port in ports}
+        pause = _PAUSE_S / max(1.0, *(port.clock.speed for port in ports))
         while not stop.is_set():
             ready, _, _ = select.select(list(numbers), [], [], _POLL_S)
             for number in ready:
@@ -73,8 +76,7 @@ def _read_ports(ports: Sequence[Port], pump: Pump, stop: threading.Event) -> Non
                     data = port.read_available()
                     if data:
                         pump.arrivals.put(Chunk(port, port.clock.now(), data), timeout=1.0)
-            # Fewer, larger chunks: an adapter holds its bytes back for some ms as well.
-            stop.wait(0.005)
+            stop.wait(pause)
     except CaptureError as error:
         pump.arrivals.put(error)
     except (OSError, ValueError, queue.Full) as error:

@@ -13,6 +13,7 @@ from ...model.errors import Fault, MissingLibraryError, SurveyFormatError
 from .scans import Polar
 
 _SCAN, _RANGE = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"
+_ROS1_BEGINS = b"#ROSBAG V"
 MAX_SAMPLES = 50_000_000
 """Of one bag: an hour of a fast scanner."""
 
@@ -65,6 +66,11 @@ def _reader(path: Path) -> Iterator[Any]:
         raise MissingLibraryError(
             f'{path.name}: install the reader of bags: pip install "slam-uwb[bags]"'
         ) from None
+    if path.suffix == ".bag" and path.is_file():
+        with path.open("rb") as stream:
+            # The library looks for the end of the first line, however far off it is.
+            if stream.read(len(_ROS1_BEGINS)) != _ROS1_BEGINS:
+                raise _fault(path, f"no bag: it does not begin with {_ROS1_BEGINS.decode()}")
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader

@@ -53,6 +53,8 @@ class ImportOptions:
     """m from a station within which a robot's scans are put together."""
     tag_height: float | None = None
     """m; needed where there are ranges."""
+    tag: str | None = None
+    """As a log names it that holds several; None where there is one."""
     heights: Mapping[str, float] = field(default_factory=dict)
     """m, of anchors above the floor."""
     parsers: Mapping[str, ParseLine] = field(default_factory=dict)
@@ -145,7 +147,7 @@ def _read_into(gathered: _Gathered, form: str, path: Path, options: ImportOption
     elif form == "ranges-csv":
         gathered.add_links(station, read_range_csv(read_source(path)))
     elif form in options.parsers:
-        gathered.add_links(station, read_log(read_source(path), options.parsers[form]))
+        gathered.add_links(station, read_log(read_source(path), options.parsers[form], options.tag))
     else:
         known = ", ".join((*SCAN_FORMATS, *RANGE_FORMATS))
         raise SlamUwbError(f"unknown format {form!r}; there are: {known}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ...model.errors import SlamUwbError
 from ..files import FileContent
@@ -13,21 +13,45 @@ from ..tables import Column, read_table
 from .source import fault, lines, raise_faults
 
 Links = dict[str, list[float]]
-ParseLine = Callable[[str], Sequence[tuple[str, float]] | None]
-"""A line -> (anchor, m) readings; None where it is no whole report."""
+ParseLine = Callable[[str], tuple[str | None, Sequence[tuple[str, float]]] | None]
+"""A line -> the tag (None: not named) and its (anchor, m) readings; None where it is no whole report."""
 
 
-def read_log(content: FileContent, parse: ParseLine) -> Links:
-    """Distances of all whole reports of a text log; other lines are passed over, they are usual in logs."""
-    links: Links = {}
+def read_log(content: FileContent, parse: ParseLine, wanted: str | None = None) -> Links:
+    """Distances of one tag's whole reports in a text log; other lines are passed over, they are usual in logs.
+
+    Args:
+        content: the log.
+        parse: reads a line.
+        wanted: the tag, as the log names it; None for the only one that there is. A log that names none
+            holds one.
+    """
+    by_tag: dict[str | None, Links] = {}
     last = 0
     for number, line in lines(content):
         last = number
-        for anchor, distance in parse(line) or ():
-            links.setdefault(anchor, []).append(distance)
-    if not links:
+        tag, readings = parse(line) or (None, ())
+        for anchor, distance in readings:
+            by_tag.setdefault(tag, {}).setdefault(anchor, []).append(distance)
+    if not by_tag:
         raise fault(content, last, None, f"no whole report in {last} lines: another format?")
-    return links
+    return _of_one_tag(content, by_tag, wanted)
+
+
+def _of_one_tag(
+    content: FileContent, by_tag: Mapping[str | None, Links], wanted: str | None
+) -> Links:
+    """The readings of the tag on the tripod: another tag's are taken somewhere else."""
+    named = sorted((tag for tag in by_tag if tag is not None), key=lambda tag: (len(tag), tag))
+    if not named:
+        return by_tag[None]
+    if wanted is None and len(named) == 1:
+        return by_tag[named[0]]
+    if wanted is not None and wanted in by_tag:
+        return by_tag[wanted]
+    counts = ", ".join(f"{tag} ({sum(map(len, by_tag[tag].values())):,} readings)" for tag in named)
+    problem = f"there is no tag {wanted}" if wanted is not None else "several tags"
+    raise fault(content, None, "tag", f"{problem}: name the one on the tripod (--tag) of {counts}")
 
 
 def read_range_csv(content: FileContent) -> Links:

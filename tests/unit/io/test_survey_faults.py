@@ -384,12 +384,16 @@ def test_gzip_bomb_is_not_expanded(make_survey):
     assert peak < 30_000_000
 
 
-def test_oversize_file(make_survey):
+@pytest.mark.parametrize("size", [files.MAX_FILE_BYTES + 1, 1_000_000_000, 10_000_000_000])
+@pytest.mark.parametrize(
+    ("name", "limit"), [(S1, "200,000,000"), ("ranges.csv", "200,000,000"), (TOML, "4,000,000")]
+)
+def test_oversize_file(make_survey, name, limit, size):
     folder = make_survey()
-    # A sparse file: it only claims the size.
-    with (folder / S1).open("r+b") as stream:
-        stream.truncate(files.MAX_FILE_BYTES + 1)
-    assert the_fault(folder) == f"{S1}: holds 200,000,001 bytes, the limit is 200,000,000"
+    # A sparse file: it only claims the size; without a line's end, it is a line as long as that, too.
+    with (folder / name).open("r+b") as stream:
+        stream.truncate(size)
+    assert the_fault(folder) == f"{name}: holds {size:,} bytes, the limit is {limit}"
 
 
 def test_long_line(make_survey):

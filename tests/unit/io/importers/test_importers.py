@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slam_uwb.cli.import_survey import line_parsers
 from slam_uwb.io.importers import ImportOptions, import_survey
 from slam_uwb.io.importers.source import station_name
 from slam_uwb.model.errors import MissingLibraryError, SlamUwbError, SurveyFormatError
 
-OPTIONS = ImportOptions("test", tag_height=1.4)
+OPTIONS = ImportOptions("test", tag_height=1.4, parsers=line_parsers())
 
 
 def degrees(scan):
@@ -108,8 +109,6 @@ LES = "022E[7.94,8.03,0.00]=3.38 9280[7.95,0.00,0.00]=5.49 le_us=3082 est[6.97,5
 
 
 def test_ranges_beside_scans(file):
-    from slam_uwb.cli.import_survey import line_parsers
-
     scan = file("s01.csv", "angle_deg,range_m\n0,1\n")
     log = file(
         "s01.log", f"12:00:01.2 {LES}\nnoise\n" + '{"ts":1,"uwb":"' + LES + '"}\nDIST,1,AN0\n'
@@ -177,17 +176,56 @@ def test_names_that_cannot_be_stations(file):
         imported("csv", file("a b.csv", "angle_deg,range_m\n0,1\n"))
 
 
-def test_hostile_files_are_refused_with_the_limit(tmp_path, file):
-    sparse = tmp_path / "zeros.csv"
-    with sparse.open("wb") as stream:
+@pytest.mark.parametrize(
+    ("form", "name", "limit"),
+    [
+        ("sweep-csv", "s01.csv", "200,000,000"),
+        ("frame-grabber", "s01.txt", "200,000,000"),
+        ("csv", "s01.csv", "200,000,000"),
+        ("carmen", "s01.log", "200,000,000"),
+        ("dwm1001-log", "s01.log", "200,000,000"),
+        ("trek1000-log", "s01.log", "200,000,000"),
+        ("ranges-csv", "s01.csv", "200,000,000"),
+        ("cloud", "s01.ply", "4,000,000,000"),
+        ("cloud", "s01.pcd", "4,000,000,000"),
+        ("cloud", "s01.las", "4,000,000,000"),
+        ("cloud", "s01.e57", "4,000,000,000"),
+    ],
+)
+def test_ten_gigabytes_of_zeros_are_refused_with_the_limit(tmp_path, form, name, limit):
+    # Sparse: it only claims the size. Of a text it is a line as long as that, too.
+    with (tmp_path / name).open("wb") as stream:
         stream.truncate(10_000_000_000)
-    with pytest.raises(SurveyFormatError, match="the limit is 200,000,000"):
-        imported("csv", sparse)
+    with pytest.raises(SurveyFormatError, match=f"the limit is {limit}"):
+        imported(form, tmp_path / name)
+
+
+def test_ten_gigabytes_of_zeros_are_no_bag(tmp_path):
+    pytest.importorskip("rosbags")
+    with (tmp_path / "s01.bag").open("wb") as stream:
+        stream.truncate(10_000_000_000)
+    with pytest.raises(SurveyFormatError, match="no bag"):
+        imported("bag", tmp_path / "s01.bag")
+
+
+def test_a_path_through_other_folders_names_the_station_by_its_last_part(tmp_path, file):
+    file("s01.csv", "angle_deg,range_m\n0,1\n")
+    (tmp_path / "a").mkdir()
+    survey, _ = imported("csv", tmp_path / "a" / ".." / "s01.csv")
+    assert [station.id for station in survey.stations] == ["s01"]
+    for name in ("...csv", "..%2Fx.csv", "..\\x.csv"):
+        with pytest.raises(SlamUwbError, match="the file's name is its station's"):
+            imported("csv", file(name, "angle_deg,range_m\n0,1\n"))
+
+
+def test_hostile_files_are_refused_with_the_limit(tmp_path, file):
     bomb = file("bomb.csv.gz", gzip.compress(bytes(210_000_000), 9))
     with pytest.raises(SurveyFormatError, match="limit of 200,000,000"):
         imported("csv", bomb)
     long_line = file("long.txt", b"1" * 3_000_000)
-    for form in ("frame-grabber", "carmen", "csv", "sweep-csv", "ranges-csv"):
+    for form in (
+        "frame-grabber", "carmen", "csv", "sweep-csv", "ranges-csv", "dwm1001-log", "trek1000-log",
+    ):  # fmt: skip
         with pytest.raises(
             SurveyFormatError, match=r"more than [\d,]+ (bytes|characters)|expected"
         ):
