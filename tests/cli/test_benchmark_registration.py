@@ -35,7 +35,13 @@ def test_one_table_of_all_matchers_that_are_installed(tmp_path):
     assert done.stderr.split() == ["twin-rooms", "0"]
     table = (tmp_path / "t.md").read_text()
     assert done.stdout.endswith(table)
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+    rows, together = (
+        [[cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines()]
+        for part in table.split("\n\n")
+    )
+    # Eight stations: 28 pairs, at once.
+    assert [row[:2] for row in together[2:]] == [["twin-rooms", "28"]]
+    assert 0.0 < float(together[2][2]) < 1000.0
     bands = {(row[1], row[2]): dict(zip(rows[0], row, strict=True)) for row in rows[2:]}
     ours = bands["correlative + point_to_line (ours)", "over 0.5"]
     # Stations of one room; which room it is cannot be told without ranges, so that none is used.
