@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from ..model.geometry import FloatArray, Matrix3, Pose2
 from ..model.settings import MatchingSettings
 from .batch import adjoints, invert, transform
+from .correspondences import correspondences
 from .index import ScanIndex
-from .refiners.point_to_line import correspondences
 
 _LEAST_VARIANCE = 1e-8  # m^2; exact scans have none, and what has none cannot be inverted
 # Of a direction that the walls leave free: 1 m, 1 m, 10 degrees.

@@ -13,11 +13,12 @@ from ..model.products import ScanMatch
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .batch import compose, first_of_each, near, wrapped
+from .correspondences import correspondences
 from .crossing import crossing
 from .evidence import STRIDE, Block
 from .gain import merge_gains
 from .index import ScanIndex
-from .refiners.point_to_line import correspondences, damped_step, limited, normal_equations
+from .refiners.point_to_line import damped_step, limited, normal_equations
 
 _SAME_M, _SAME_RAD = 0.35, 0.09  # candidates closer than this are one place
 _DISTINCT_M, _DISTINCT_RAD = 0.5, 0.15  # a rival must be further away than this

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ...model.geometry import FloatArray, Points
 from ...model.settings import MatchingSettings
 from ..batch import wrapped
+from ..correspondences import partner_count
 from ..index import ScanIndex
-from .point_to_line import partner_count
 from .refinement import Refinement
 
 Stage = Callable[[FloatArray], FloatArray]

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from slam_uwb.matching.batch import compose, invert
+from slam_uwb.matching.correspondences import correspondences
 from slam_uwb.matching.lanes import both_ways, lanes, lanes_both_ways
 from slam_uwb.matching.pairing import pair_points
-from slam_uwb.matching.refiners.point_to_line import correspondences
 from slam_uwb.matching.score import point_evidence
 from slam_uwb.model.geometry import Pose2
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from slam_uwb.matching.batch import invert
-from slam_uwb.matching.refiners.point_to_line import correspondences
+from slam_uwb.matching.correspondences import correspondences
 from slam_uwb.matching.score import point_evidence
 from slam_uwb.matching.sight import Sights, may_meet
 from slam_uwb.model.geometry import Pose2

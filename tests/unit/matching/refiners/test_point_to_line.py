@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from slam_uwb.matching.batch import compose, transform
+from slam_uwb.matching.correspondences import correspondences, partner_count
 from slam_uwb.matching.refiners.point_to_line import (
-    correspondences,
-    partner_count,
     polish,
     polish_pairs,
     refine_point_to_line,
