@@ -12,7 +12,6 @@ from stages import Site
 from slam_uwb import simulate_survey, write_survey
 from slam_uwb.simulate import Lidar
 from slam_uwb.simulate.catalogue import build_scene
-from slam_uwb.simulate.random_floor import random_floor
 
 ROOMS = {90: 28, 300: 86, 1000: 290}
 """Rooms of a random floor that has about so many stations; 18 are the paper's office."""
@@ -53,11 +52,8 @@ def site(size: int, sites: dict[int, Site], scratch: Path) -> Site:
     if size not in sites:
         lidar = Lidar(duration=60.0 if size <= WHOLE_MINUTE else 10.0, upper_duration=0.0)
         rng = np.random.default_rng(SEED)
-        scene = (
-            build_scene("paper-office", rng)
-            if size not in ROOMS
-            else random_floor(rng, ROOMS[size])
-        )
+        name = f"random-floor-{ROOMS[size]}" if size in ROOMS else "paper-office"
+        scene = build_scene(name, rng)
         made = simulate_survey(scene, SEED, lidar=lidar)
         folder = scratch / f"survey-{size}"
         write_survey(made.survey, folder)

@@ -1,11 +1,13 @@
 """Other ways to the solution find what the solver missed, and nothing where it missed nothing."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gtsam
 import numpy as np
 import pytest
 
+from slam_uwb.graph import cross_check
 from slam_uwb.graph.cross_check import batch_gap, check_optimum, other_starts_gap
 from slam_uwb.graph.factors import delay_prior, known_station_factors, offset_prior
 from slam_uwb.graph.incremental import solve_by_passes
@@ -54,6 +56,15 @@ def test_there_is_no_gap_at_the_optimum(optimum):
     # Not exactly nothing: the batch solver starts elsewhere and arrives by itself.
     assert 0.0 < checks.isam2_batch_gap < 1e-6
     assert checks.other_starts_gap == 0.0
+
+
+def test_an_isam2_problem_that_is_elsewhere_is_told(optimum, monkeypatch):
+    values = gtsam.Values(optimum.values)
+    values.update(gtsam.symbol("l", 0), TRUE + [0.003, 0.004])
+    elsewhere = SimpleNamespace(calculateEstimate=lambda: values)
+    monkeypatch.setattr(cross_check, "incremental_problem", lambda _: elsewhere)
+
+    assert batch_gap(optimum, INDICES) == pytest.approx(0.005, abs=1e-5)
 
 
 def test_the_batch_solver_tells_how_far_a_solver_stopped_short(optimum):

@@ -12,8 +12,8 @@ import pytest
 from slam_uwb.graph import factors
 from slam_uwb.graph.incremental import incremental_problem, solve_by_passes
 from slam_uwb.graph.ranges import RangeTable, WeighedRanges
-from slam_uwb.graph.steps import Problem
-from slam_uwb.graph.variables import Indices, Variables, from_values, to_values
+from slam_uwb.graph.steps import Problem, solve_linear
+from slam_uwb.graph.variables import Indices, Places, Variables, from_values, to_values
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.settings import GraphSettings
 from slam_uwb.model.survey import RangeOffset
@@ -236,3 +236,55 @@ def test_a_linear_problem_has_the_cost_s_own_slope():
                 delta.update(step)
                 costs.append(problem.at(here.values.retract(delta)).cost)
             assert slope == pytest.approx((costs[0] - costs[1]) / (2 * h), rel=1e-3, abs=1e-2)
+
+
+def diagonal(linear, key):
+    """Information of a variable by itself."""
+    ordering = gtsam.Ordering.ColamdGaussianFactorGraph(linear)
+    keys = [ordering.at(k) for k in range(ordering.size())]
+    sizes = [{"x": 3, "l": 2, "d": 1, "b": 1}[chr(gtsam.symbolChr(k))] for k in keys]
+    first = sum(sizes[: keys.index(key)])
+    hessian, _ = linear.hessian(ordering)
+    return np.diag(hessian)[first : first + sizes[keys.index(key)]]
+
+
+def test_what_only_ranges_hold_is_on_a_leash():
+    drawn = draw(3)
+    problem = Problem.of(drawn.fixed, drawn.ranges, drawn.start, drawn.indices)
+    here = problem.start(drawn.start)
+    loose, tight = (problem.linear(here, trust, safe=False) for trust in (1.0, 0.5))
+
+    # 1/m^2 more of half the sigma, at anchors and at the places of lost stations alone.
+    for key, more in (
+        (factors.L(1), [3.0, 3.0]),
+        (factors.X(15), [3.0, 3.0, 0.0]),
+        (factors.X(14), [0.0, 0.0, 0.0]),
+        (factors.D(1), [0.0]),
+    ):
+        np.testing.assert_allclose(diagonal(tight, key) - diagonal(loose, key), more, atol=1e-6)
+
+
+@pytest.mark.parametrize(("curvature", "place", "kept"), [(1.0, 0.5, True), (-2.0, 1.0, False)])
+def test_bends_are_left_out_where_the_problem_would_not_be_definite(curvature, place, kept):
+    linear = gtsam.GaussianFactorGraph()
+    linear.add(factors.L(0), np.eye(2), np.ones(2), gtsam.noiseModel.Unit.Create(2))
+    linear.add(factors.D(0), np.eye(1), np.ones(1), gtsam.noiseModel.Unit.Create(1))
+    ordering = gtsam.Ordering.ColamdGaussianFactorGraph(linear)
+    bend = factors.curvature_factor(0, curvature * np.eye(3))
+
+    delta, bent = solve_linear(linear, [bend], ordering, Indices({}, {"A": 0}))
+
+    assert bent is kept
+    np.testing.assert_allclose(delta.at(factors.L(0)), [place, place])
+
+
+def test_movement_is_the_furthest_of_anything():
+    here = Places(np.array([[0.0, 0.0, math.pi - 0.01]]), np.zeros((1, 2)), np.zeros(2))
+
+    turned = replace(here, poses=np.array([[0.0, 0.0, 0.01 - math.pi]]))
+    moved = replace(here, poses=here.poses + [0.3, 0.4, 0.0])
+    assert here.movement(turned) == pytest.approx(0.02)
+    assert here.movement(moved) == pytest.approx(0.5)
+    assert here.movement(replace(here, anchors=np.array([[0.3, -0.4]]))) == pytest.approx(0.5)
+    # The common offset; the anchors' own ones follow their places.
+    assert here.movement(replace(here, offsets=np.array([0.2, 0.1]))) == pytest.approx(0.1)
