@@ -36,6 +36,8 @@ LEARNING_ROUNDS = 2
 """Then walls, link model and the choice between minima stand; only labels still follow the places."""
 STILL = 1e-7
 """m. Rounds end where no anchor moves further: its labels are then those of where it is."""
+PATIENT_ROUNDS = 8
+"""Then twice as much is allowed every round: where labels jump at a place, none is still for ever."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,29 +87,31 @@ def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
         links = usable_links(scene.problem, present.poses, scene.settings)
         model, found = last.model, last.found
         if number <= LEARNING_ROUNDS:
-            model = model.at(present.poses)
+            # In between, what was found has just been entered.
+            if number != 1:
+                model = model.at(present.poses)
             model = learn_links(scene, model, present, found, links)
             if number == LEARNING_ROUNDS and (
                 without := needs_no_offsets(scene, model, present, found)
             ):
                 model, prior = without
                 scene = replace(scene, prior=prior)
-            # In between, what was found has just been entered.
             if number != 1:
                 found = find_points(scene, model, present, links, found)
         begin = _enter(scene, present, found)
         last = _solve(scene, matches, begin, found, model, links, last)
-        if number > LEARNING_ROUNDS and _is_settled(present, last.optimum.variables):
+        still = STILL * 2.0 ** max(0, number - PATIENT_ROUNDS)
+        if number > LEARNING_ROUNDS and _is_settled(present, last.optimum.variables, still):
             break
     return scene, last
 
 
-def _is_settled(before: Variables, after: Variables) -> bool:
-    """Whether a round changed nothing that the next one would look at."""
+def _is_settled(before: Variables, after: Variables, still: float = STILL) -> bool:
+    """Whether a round moved nothing by more than `still`, m: nothing that the next one would look at."""
     same = (
         before.anchors.keys() == after.anchors.keys() and before.poses.keys() == after.poses.keys()
     )
-    return same and movement(before, after) < STILL
+    return same and movement(before, after) < still
 
 
 def _with_honest_matches(

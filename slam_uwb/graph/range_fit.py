@@ -21,6 +21,10 @@ from ..model.survey import RangeOffset
 MAX_ITERATIONS = 40
 COLD_DAMPING, WARM_DAMPING = 1e-4, 1e-9
 """Of the first step: from anywhere, and from where a fit of nearly the same problem ended."""
+LONGEST_STEP = 1.0
+"""m, of a point by itself: beyond, what the cost's curvature is here says nothing."""
+FAILED_DAMPING = 1e-2
+"""At least, after a step that made things worse: less would hardly shorten the next."""
 ROUNDING = 1e-10
 """nats. The last steps change the cost by less than it is rounded by, and places still by a micrometre."""
 LEAST_CURVATURE = 0.02
@@ -118,7 +122,8 @@ def fit_ranges(
             common = trial_common if better.all() else common
         state = np.where(better[:, None], trial, state)
         here = here.replaced(better, there)
-        damping = np.clip(np.where(better, damping * 0.1, damping * 10.0), 1e-12, 1e9)
+        less, more = np.maximum(damping * 0.1, 1e-12), np.maximum(damping * 10.0, FAILED_DAMPING)
+        damping = np.where(better, less, np.minimum(more, 1e9))
         if np.abs(step).max() < still:
             break
     return RangeFit(state[:, :2], state[:, 2], common, here.costs, here.blocks)
@@ -210,15 +215,18 @@ def _total(costs: FloatArray, common: float, prior: OffsetPrior) -> float:
     return float(costs.sum() + 0.5 * ((common - prior.common.mean) / prior.common.sigma) ** 2)
 
 
-def _newton_blocks(exact: FloatArray, blocks: FloatArray, own_variance: float) -> FloatArray:
-    """The exact Hessians (A, 3, 3) where the ranges alone hold a point, else those with the least curvature.
+def _newton_blocks(exact: FloatArray) -> FloatArray:
+    """The Hessians (A, 3, 3), and where one is indefinite its curvatures taken as positive.
 
-    Exact ones end in four steps where the others take thirty.
+    Along a negative curvature the step is then as long as along a positive one, but downhill; the
+    blocks with the least curvature of every link would creep there.
     """
-    ranges = exact.copy()
-    ranges[:, 2, 2] -= 1.0 / own_variance
-    held = np.linalg.eigvalsh(ranges)[:, 0] > 0.0
-    return np.asarray(np.where(held[:, None, None], exact, blocks))
+    values, axes = np.linalg.eigh(exact)
+    if (values[:, 0] > 0.0).all():
+        return exact.copy()
+    positive = np.maximum(np.abs(values), 1.0)
+    turned = (axes * positive[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    return np.asarray(np.where((values[:, 0] > 0.0)[:, None, None], exact, turned))
 
 
 def _step(
@@ -226,11 +234,13 @@ def _step(
 ) -> tuple[FloatArray, float]:
     """(A, 3) Newton step of the points, and that of the common offset."""
     prior, gradient = problem.prior, here.gradient
-    damped = _newton_blocks(here.exact, here.blocks, problem.own_variance)
+    damped = _newton_blocks(here.exact)
     diagonal = np.einsum("aii->ai", damped)
     diagonal += damping[:, None] * diagonal
     if not problem.coupled:
-        return np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0]), 0.0
+        step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+        length = np.linalg.norm(step, axis=1, keepdims=True)
+        return np.asarray(step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-12))), 0.0
     inverse = np.linalg.inv(damped)
     pull = prior.own_sigma**-2
     right = (common - prior.common.mean) / prior.common.sigma**2

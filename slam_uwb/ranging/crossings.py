@@ -8,6 +8,7 @@ of the place, so that labels and places that depend on each other settle.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ WALL_THICKNESS_M = 0.30
 """Faces closer than this, square to the wall, are one wall (joint study, 4)."""
 PLACE_SIGMA_M = 0.06
 """Of an anchor's place, for its labels; the study averaged over 0.08 m to either side."""
+
+_Coordinate = Callable[[Points, NDArray[np.intp], NDArray[np.intp]], FloatArray]
 
 _REACH = 5.0  # standard deviations beyond which a piece is certainly crossed or not
 _LEAST_COSINE = 0.1  # between path and a wall's normal: a path along a wall crosses it anywhere
@@ -97,11 +100,13 @@ def near_pairs(
         near &= pieces.ends[..., axis].max(axis=1) >= low[:, None]
         near &= pieces.ends[..., axis].min(axis=1) <= high[:, None]
     path, piece = np.nonzero(near)
-    direction = ends[path] - starts[path]
+    direction = ends - starts
     across = np.column_stack([-direction[:, 1], direction[:, 0]])
-    across /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
-    offsets = np.einsum("pei,pi->ep", pieces.ends[piece] - starts[path, None], across)
-    aside = (offsets.min(axis=0) > margin) | (offsets.max(axis=0) < -margin)
+    across /= np.maximum(np.hypot(*direction.T), 1e-9)[:, None]
+    # All ends of pieces beside all paths at once: less work than to pick the near ones first.
+    offsets = (pieces.ends @ across.T - np.einsum("ni,ni->n", starts, across)).transpose(2, 0, 1)
+    one, other = offsets[path, piece].T
+    aside = (np.minimum(one, other) > margin) | (np.maximum(one, other) < -margin)
     return path[~aside], piece[~aside]
 
 
@@ -148,26 +153,51 @@ def _crossed(
     piece: NDArray[np.intp],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray, FloatArray]:
     """Path, piece, probability of being blocked by it, m along the path, |cosine| to the wall's normal."""
-    start, end, first = starts[path], ends[path], pieces.ends[piece, 0]
-    wall = pieces.ends[piece, 1] - first
-    length = np.maximum(np.linalg.norm(wall, axis=1), 1e-9)
-    wall = wall / length[:, None]
-    normal = np.column_stack([-wall[:, 1], wall[:, 0]])
-    from_start = np.einsum("qi,qi->q", start - first, normal)
-    from_end = np.einsum("qi,qi->q", end - first, normal)
+    lengths, along_wall, before = _in_axes_of_pieces(pieces)
     # How far the path's end lies beyond the wall, seen from its start.
+    from_start, from_end = (before(points, path, piece) for points in (starts, ends))
     beyond = -np.sign(from_start) * from_end
+    # What follows is slow, and most pairs end here.
+    reached = np.flatnonzero(beyond > -_REACH * PLACE_SIGMA_M)
+    path, piece, beyond = path[reached], piece[reached], beyond[reached]
+    from_start, from_end = from_start[reached], from_end[reached]
     apart = np.where(beyond > 0.0, from_start - from_end, 1.0)
     share = np.where(beyond > 0.0, from_start / apart, 1.0)
-    lateral = np.einsum("qi,qi->q", start + share[:, None] * (end - start) - first, wall)
-    distance = np.maximum(np.linalg.norm(end - start, axis=1), 1e-9)
-    cosine = np.abs(from_end - from_start) / distance
+    begin, end = (along_wall(points, path, piece) for points in (starts, ends))
+    lateral = begin + share * (end - begin)
+    # Of the path: pieces beyond its end are all met there, in the order of their lines.
+    distance = np.hypot(*(ends - starts).T)[path]
+    cosine = np.abs(from_end - from_start) / np.maximum(distance, 1e-9)
     sigma = PLACE_SIGMA_M * np.maximum(share, 1e-3) / np.maximum(cosine, _LEAST_COSINE)
-    on_wall = ndtr((length - lateral) / sigma) - ndtr(-lateral / sigma)
-    blocked = pieces.probability[piece] * ndtr(beyond / PLACE_SIGMA_M) * on_wall
+    low, high = -lateral / sigma, (lengths[piece] - lateral) / sigma
+    hit = np.flatnonzero((low < _REACH) & (high > -_REACH))
+    path, piece = path[hit], piece[hit]
+    blocked = pieces.probability[piece] * ndtr(beyond[hit] / PLACE_SIGMA_M)
+    blocked *= ndtr(high[hit]) - ndtr(low[hit])
     kept = blocked > _LEAST_PROBABILITY
-    along = (share * distance)[kept]
-    return path[kept], piece[kept], blocked[kept], along, cosine[kept]
+    hit = hit[kept]
+    return path[kept], piece[kept], blocked[kept], (share * distance)[hit], cosine[hit]
+
+
+def _in_axes_of_pieces(pieces: WallPieces) -> tuple[FloatArray, _Coordinate, _Coordinate]:
+    """(P,) lengths, m; functions (points (N, 2), which, of which piece) -> m along, and before the piece."""
+    first = pieces.ends[:, 0]
+    wall = pieces.ends[:, 1] - first
+    lengths = np.maximum(np.hypot(*wall.T), 1e-9)
+    axis = wall / lengths[:, None]
+
+    def coordinate(axis: FloatArray) -> _Coordinate:
+        origin = np.einsum("pi,pi->p", first, axis)
+        (x, y), columns = axis.T.copy(), np.ascontiguousarray
+
+        def of(points: Points, which: NDArray[np.intp], piece: NDArray[np.intp]) -> FloatArray:
+            px, py = columns(points[:, 0]), columns(points[:, 1])
+            return np.asarray(px[which] * x[piece] + py[which] * y[piece] - origin[piece])
+
+        return of
+
+    across = np.column_stack([-axis[:, 1], axis[:, 0]])
+    return lengths, coordinate(axis), coordinate(across)
 
 
 def _same_wall(along: FloatArray, cosine: FloatArray) -> NDArray[np.bool_]:

@@ -155,14 +155,15 @@ class LinkDensity:
     def costs(self, errors: FloatArray) -> FloatArray:
         """(..., L) negative log likelihood of errors (..., L), m."""
         rows = self.walls.reshape(-1, self.walls.shape[-1])
-        if len(rows) and not (rows == rows[0]).all():
-            return self.expand(errors)[0]
-        # A search looks at all links alike, and at very many places.
         share, parameters = self.table.parameters.fault_share, self.table.parameters
         mixed = share * fault_density(errors, parameters)[0]
-        if len(rows):
-            mixed = mixed + (1.0 - share) * self.table.mixture(errors, rows[0])
-        return -self.weights * np.log(mixed)
+        if len(rows) and (rows == rows[0]).all():
+            # A search looks at all links alike, and at very many places.
+            mixed += (1.0 - share) * self.table.mixture(errors, rows[0])
+        else:
+            walls = np.einsum("...w,...w->...", self.walls, self.table.densities(errors))
+            mixed += (1.0 - share) * walls
+        return np.asarray(-self.weights * np.log(mixed))
 
     def expand(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log likelihood of errors (..., L), m, its slope (1/m) and curvature (1/m^2), each (..., L)."""

@@ -19,6 +19,7 @@ from ..model.settings import RangingSettings
 from ..model.survey import StationId
 from .crossings import count_walls
 from .density import MAX_WALLS, ErrorParameters, LinkDensity, error_table
+from .descent import descend
 
 FindWalls = Callable[[Mapping[StationId, Pose2]], WallPieces]
 """world_T_station -> the walls that the scans show."""
@@ -166,8 +167,6 @@ def link_model(settings: RangingSettings, find_walls: FindWalls | None = None) -
 
 def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkModel, float]:
     """The parameters of least cost, each a number of standard deviations from its prior's centre."""
-    from scipy.optimize import minimize
-
     # What no link depends on stays where it is.
     idle = {"mean_walls"} if model.has_map else {"hidden_share", "false_share"}
     names = ["sight_sigma"] if model.clear else [name for name in PRIORS if name not in idle]
@@ -180,12 +179,5 @@ def _fit(model: LinkModel, cost: Callable[[LinkModel], float]) -> tuple[LinkMode
         return cost(changed(z)) + 0.5 * float(z @ z)
 
     start = np.array([PRIORS[n].deviation(getattr(model.parameters, n)) for n in names])
-    found = minimize(
-        penalised,
-        np.asarray(start, dtype=np.float64),
-        method="L-BFGS-B",
-        bounds=[(-_MAX_DEVIATION, _MAX_DEVIATION)] * len(names),
-        # Closely: what follows from the parameters must not show where the search began.
-        options={"maxiter": 30, "eps": 1e-4, "ftol": 1e-12, "gtol": 1e-4},
-    )
-    return changed(np.asarray(found.x)), float(found.fun)
+    z, least = descend(penalised, start, _MAX_DEVIATION)
+    return changed(z), least

@@ -137,3 +137,23 @@ def test_the_common_offset_is_identified_by_many_anchors_and_not_by_one():
 
     assert common_sigma(loose, PRIOR) > 0.095
     assert common_sigma(firm, PRIOR) < 0.065
+
+
+def test_wherever_a_point_starts_its_fit_ends_where_the_cost_is_flat():
+    # Two ranges too long, as through walls: valleys and saddles between them, along which steps that
+    # only ever trust positive curvatures creep.
+    x, y = np.meshgrid(np.linspace(-3.0, 10.0, 12), np.linspace(-3.0, 9.0, 12))
+    starts = np.column_stack([x.ravel(), y.ravel()])
+    seen = view(errors=np.array([0.0, 0.9, 0.1, 1.4, 0.0]), places=PLACES[[0] * len(starts)])
+
+    found, density = fit(seen, MODEL, starts, coupled=False)
+
+    slopes = np.zeros((len(starts), 2))
+    for axis in range(2):
+        for side in (1e-5, -1e-5):
+            moved = found.places.copy()
+            moved[:, axis] += side
+            residuals, _ = seen.residuals(moved, found.offsets)
+            slopes[:, axis] += density.costs(residuals).sum(axis=1) / (2.0 * side)
+    share = float((np.abs(slopes).max(axis=1) < 1e-3).mean())
+    assert share > 0.97
