@@ -13,7 +13,7 @@ from slam_uwb import simulate_survey, write_survey
 from slam_uwb.simulate import Lidar
 from slam_uwb.simulate.catalogue import build_scene
 
-ROOMS = {90: 28, 300: 86, 1000: 290}
+ROOMS = {90: 28, 300: 84, 1000: 290}
 """Rooms of a random floor that has about so many stations; 18 are the paper's office."""
 WHOLE_MINUTE = 90
 """Recordings of up to so many stations last a minute, of more ten seconds: the disk is not measured."""
