@@ -44,8 +44,8 @@ def record(bench, survey, folder: Path, seconds: float, stations=None):
 
 
 def test_the_recorded_office_is_solved_as_the_simulated_one(make_bench, paper_office, tmp_path):
-    # Bytes are dated when they are fetched, a step of the clock late: half a second more than was simulated.
-    folder, seconds = tmp_path / "recorded", 4.5
+    # Bytes are dated when they are fetched, late on a busy machine: two seconds more than was simulated.
+    folder, seconds = tmp_path / "recorded", 6.0
     record(make_bench(paper_office, speed=40.0), paper_office, folder, seconds)
     check = check_survey(folder)
     assert check.faults == ()
