@@ -186,7 +186,7 @@ def _search_grid(sightings: Sightings, height: float, search: Search) -> Grid:
     # Further out than the second smallest range, two ranges at least would be too short, which
     # walls cannot do. (The smallest alone may be a fault of the device.)
     margin = max(MARGIN, float(np.partition(sightings.distances, 1)[1]))
-    axes, centre = _own_axes(sightings.points)
+    axes, centre = own_axes(sightings.points)
     points = (sightings.points - centre) @ axes
     low = points.min(axis=0) - margin
     size = np.ptp(points, axis=0) + 2.0 * margin
@@ -200,7 +200,7 @@ def _search_grid(sightings: Sightings, height: float, search: Search) -> Grid:
     return Grid(cells, costs.reshape(*cells.shape[:2], -1))
 
 
-def _own_axes(points: Points) -> tuple[FloatArray, Vector2]:
+def own_axes(points: Points) -> tuple[FloatArray, Vector2]:
     """Axes (2, 2), as columns, and origin that move with the points: the grid does not depend on the frame."""
     centre = points.mean(axis=0)
     offsets = points - centre
@@ -247,7 +247,7 @@ def _separate_minima(
     fit = refine_places(np.vstack([rough.places, twin]), sightings, height, search)
     # An anchor hangs on a wall; on its other side the labels are others, and so is the minimum.
     near = fit.places[fit.costs < fit.costs.min() + HOPELESS]
-    axes, _ = _own_axes(sightings.points)
+    axes, _ = own_axes(sightings.points)
     places = np.vstack([near, fit.places[np.argmin(fit.costs)] + RING @ axes.T])
     for _ in range(2):
         fit = refine_places(places, sightings, height, search)

@@ -26,6 +26,7 @@ from .incremental import Optimum, dense_covariance, solve_by_passes
 from .learn import learn_links, needs_no_offsets
 from .ranges import build_range_table, usable_links, weigh_ranges
 from .settling import Labels, next_labels
+from .sides import NO_SIDES, Sides, likely_sides, side_factors
 from .spread import add_tails
 from .variables import Indices, Variables, movement
 from .verdicts import judge_links
@@ -49,6 +50,10 @@ class Round:
     model: LinkModel
     labels: Labels
     """Of the ranges that were solved."""
+    sides: Sides
+    """Where the anchors' labels were taken."""
+    held: int
+    """So many factors hold anchors on their sides: the last ones of the fixed graph."""
 
 
 def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate:
@@ -85,21 +90,23 @@ def _solve_rounds(scene: Scene, model: LinkModel) -> tuple[Scene, Round]:
     for number in range(MAX_ROUNDS):
         present = last.optimum.variables
         links = usable_links(scene.problem, present.poses, scene.settings)
-        model, found = last.model, last.found
+        model, found, sides = last.model, last.found, last.sides
         if number <= LEARNING_ROUNDS:
             # In between, what was found has just been entered.
             if number != 1:
                 model = model.at(present.poses)
-            model = learn_links(scene, model, present, found, links)
+            model = learn_links(scene, model, present, found, links, sides)
             if number == LEARNING_ROUNDS and (
-                without := needs_no_offsets(scene, model, present, found)
+                without := needs_no_offsets(scene, model, present, found, sides)
             ):
                 model, prior = without
                 scene = replace(scene, prior=prior)
             if number != 1:
                 found = find_points(scene, model, present, links, found)
         begin = _enter(scene, present, found)
-        last = _solve(scene, matches, begin, found, model, links, last)
+        if number in (0, LEARNING_ROUNDS):
+            sides = likely_sides(scene, model, begin, found, links)
+        last = _solve(scene, matches, begin, found, model, links, sides, last)
         still = STILL * 2.0 ** max(0, number - PATIENT_ROUNDS)
         if number > LEARNING_ROUNDS and _is_settled(present, last.optimum.variables, still):
             break
@@ -169,18 +176,25 @@ def _solve(
     found: Found,
     model: LinkModel,
     links: tuple[LinkMeasurement, ...],
+    sides: Sides = NO_SIDES,
     before: Round | None = None,
 ) -> Round:
     """The optimum near `start`, with labels as of there; `before` is the last round."""
     lost = frozenset(start.poses.keys() - scene.start.poses.keys())
     table = build_range_table(scene.problem, links, start, found.heights(), scene.levers, lost)
-    last = None if before is None else before.labels
-    labels = next_labels(model.labels(*table.ends(start)), last)
+    seen = replace(start, anchors=start.anchors | {n: side.place for n, side in sides.items()})
+    told = model.labels(*table.ends(seen))
+    # Sides stand still; stations that only ranges place have none, and take their labels along.
+    labels = next_labels(told, before.labels if before is not None and lost else None)
     ranges = weigh_ranges(table, labels.used, model)
     fixed = _fixed_factors(scene, matches, start, model if len(table.measured) else None)
+    indices = Indices.of(scene.problem)
+    held = side_factors(sides, start, scene.start.headings, indices)
+    for factor in held:
+        fixed.push_back(factor)
     near = before is not None and _is_settled(before.optimum.variables, start)
-    optimum = solve_by_passes(fixed, ranges, start, Indices.of(scene.problem), scene.settings, near)
-    return Round(optimum, found, model, labels)
+    optimum = solve_by_passes(fixed, ranges, start, indices, scene.settings, near)
+    return Round(optimum, found, model, labels, sides, len(held))
 
 
 def _fixed_factors(
@@ -232,6 +246,15 @@ def _site_by_ranges(scene: Scene, solved: Variables, found: Found) -> Start | No
     return tie_to_site(scene.problem, replace(scene.start, poses=poses), located, anchors)
 
 
+def _without_sides(last: Round) -> Optimum:
+    """The optimum with nothing from the change of labels: a wall that is not there holds nothing."""
+    problem = last.optimum.problem
+    fixed = gtsam.NonlinearFactorGraph()
+    for k in range(problem.fixed.size() - last.held):
+        fixed.push_back(problem.fixed.at(k))
+    return replace(last.optimum, problem=replace(problem, fixed=fixed))
+
+
 def _deliver(scene: Scene, last: Round) -> Solved:
     """Covariances, biases and checks of the final linearisation."""
     problem, indices, optimum = scene.problem, Indices.of(scene.problem), last.optimum
@@ -242,7 +265,7 @@ def _deliver(scene: Scene, last: Round) -> Solved:
     has_offset = optimum.values.exists(factors.OFFSET_KEY)
     if has_offset:
         keys += [factors.OFFSET_KEY, *(factors.D(indices.anchors[name]) for name in anchors)]
-    covariance = dense_covariance(optimum, keys)
+    covariance = dense_covariance(_without_sides(last), keys)
     # Beside the Hessian there are labels that are wrong and tails (joint study, 7).
     spread = np.ones(len(covariance))
     spread[3 * len(stations) : size] = np.sqrt(scene.settings.anchor_inflation)
@@ -268,6 +291,7 @@ def _deliver(scene: Scene, last: Round) -> Solved:
             scene,
             last.model,
             optimum.variables,
+            last.sides,
             last.found.heights(),
             usable_links(problem, optimum.variables.poses, scene.settings),
         ),

@@ -24,6 +24,7 @@ from .range_fit import (
     log_evidence_cost,
 )
 from .ranges import anchor_sightings, usable_links
+from .sides import Sides, label_places
 from .sightings import Sightings
 from .variables import Variables
 
@@ -37,6 +38,7 @@ def learn_links(
     present: Variables,
     found: Found,
     links: tuple[LinkMeasurement, ...],
+    sides: Sides,
 ) -> LinkModel:
     """The model with the parameters that the ranges of the placed anchors support best.
 
@@ -46,15 +48,20 @@ def learn_links(
         present: poses and anchors of the last solution.
         found: what it was made of.
         links: usable ones.
+        sides: of the anchors: where their labels are taken.
     """
-    view, places = _placed_anchors(scene, present, found, links)
+    view, places, seen = _placed_anchors(scene, present, found, links, sides)
     if view is None:
         return model
-    return model.fitted(_evidence(scene.prior, view, places, model))[0]
+    return model.fitted(_evidence(scene.prior, view, places, seen, model))[0]
 
 
 def needs_no_offsets(
-    scene: Scene, model: LinkModel, present: Variables, found: Found
+    scene: Scene,
+    model: LinkModel,
+    present: Variables,
+    found: Found,
+    sides: Sides,
 ) -> tuple[LinkModel, RangeOffset] | None:
     """The model and offset of calibrated radios in line of sight, if the ranges ask for nothing else.
 
@@ -65,7 +72,7 @@ def needs_no_offsets(
     """
     # Every link by itself: where stations crowd, links that count as one could not tell an offset.
     links = usable_links(scene.problem, {}, scene.settings)
-    view, places = _placed_anchors(scene, present, found, links)
+    view, places, seen = _placed_anchors(scene, present, found, links, sides)
     if view is None:
         return None
     known, settings = scene.problem.range_offset, scene.settings
@@ -75,32 +82,37 @@ def needs_no_offsets(
     told = known is not None or settings.radios == "calibrated"
     margin = -settings.no_offset_gain if told else settings.no_offset_gain
     clear, offset_clear = model.cleared(NO_OFFSET_SIGMA), model.cleared(model.anchor_sigma)
-    clear, without = clear.fitted(_evidence(none, view, places, clear))
+    clear, without = clear.fitted(_evidence(none, view, places, seen, clear))
     # The cheap rival first: where links are behind walls it settles the question.
     for rival in (offset_clear, model):
-        if rival.fitted(_evidence(scene.prior, view, places, rival))[1] - without <= margin:
+        if rival.fitted(_evidence(scene.prior, view, places, seen, rival))[1] - without <= margin:
             return None
     return clear, none
 
 
 def _placed_anchors(
-    scene: Scene, present: Variables, found: Found, links: tuple[LinkMeasurement, ...]
-) -> tuple[RangeView | None, Points]:
-    """The placed anchors as seen from all placed stations, and (A, 2) m where they are."""
+    scene: Scene,
+    present: Variables,
+    found: Found,
+    links: tuple[LinkMeasurement, ...],
+    sides: Sides,
+) -> tuple[RangeView | None, Points, Points]:
+    """The placed anchors as seen from all placed stations, (A, 2) m where they are and are labelled."""
     tags, heights = scene.levers.tags(present.poses), found.heights()
     names = [name for name in present.anchors if name in heights]
     if not names:
-        return None, np.zeros((0, 2))
+        return None, np.zeros((0, 2)), np.zeros((0, 2))
     seen = [anchor_sightings(scene.problem, links, name, tags, {}, heights) for name in names]
     view = stack(seen, [heights[name] for name in names])
-    return view, np.array([present.anchors[name] for name in names])
+    places = np.array([present.anchors[name] for name in names])
+    return view, places, label_places(names, present, sides)
 
 
 def _evidence(
-    common: RangeOffset, view: RangeView, places: Points, model: LinkModel
+    common: RangeOffset, view: RangeView, places: Points, seen: Points, model: LinkModel
 ) -> Callable[[LinkModel], float]:
-    """Negative log evidence of the ranges under a model, with labels as of `places` (A, 2)."""
-    labels = model.labels(view.points, places[:, None, :])
+    """Negative log evidence of the ranges under a model near `places`, with labels as of `seen` (A, 2)."""
+    labels = model.labels(view.points, seen[:, None, :])
     last: RangeFit | None = None
 
     def cost(candidate: LinkModel) -> float:

@@ -12,6 +12,7 @@ from ..model.link_law import LinkDensity, LinkModel
 from ..model.products import LinkMeasurement
 from ..model.survey import AnchorId, StationId
 from .find import Scene
+from .sides import Sides, label_places
 from .swaps import AnchorLinks, swap_gains
 from .variables import Variables
 
@@ -44,6 +45,7 @@ def judge_links(
     scene: Scene,
     model: LinkModel,
     solved: Variables,
+    sides: Sides,
     heights: dict[AnchorId, float],
     links: tuple[LinkMeasurement, ...],
 ) -> dict[LinkName, LinkVerdict]:
@@ -53,6 +55,7 @@ def judge_links(
         scene: problem and frame.
         model: of the links' errors.
         solved: the solution.
+        sides: of the anchors: where the walls on their links' paths are counted.
         heights: m, of the anchors.
         links: usable ones.
     """
@@ -65,10 +68,11 @@ def judge_links(
     tag_heights = {station.id: station.tag_height for station in scene.problem.stations}
     first = np.array([tags[k.station] for k in ends])
     second = np.array([solved.anchors[k.anchor] for k in ends])
+    labelled = label_places([k.anchor for k in ends], solved, sides)
     rises = np.array([heights[k.anchor] - tag_heights[k.station] for k in ends])
     slant = np.sqrt(((second - first) ** 2).sum(axis=1) + rises**2)
     errors = np.array([k.distance - solved.offset_of(k.anchor) for k in ends]) - slant
-    density = model.density(model.labels(first, second), np.array([k.sigma for k in ends]))
+    density = model.density(model.labels(first, labelled), np.array([k.sigma for k in ends]))
     walls, faults = density.posterior(errors)
     verdicts = [
         _verdict(belief, float(fault), float(error), model)

@@ -21,8 +21,10 @@ from .density import MAX_WALLS
 
 WALL_THICKNESS_M = 0.30
 """Faces closer than this, square to the wall, are one wall (joint study, 4)."""
-PLACE_SIGMA_M = 0.06
-"""Of an anchor's place, for its labels; the study averaged over 0.08 m to either side."""
+HALF_WALL_M = 0.08
+"""A wall is crossed where its middle is: what hangs on a face is before it, however thick the noise."""
+PLACE_SIGMA_M = 0.08
+"""Of an anchor's place and of walls', for its labels; the study averaged over 0.08 m to either side."""
 
 _Coordinate = Callable[[Points, NDArray[np.intp], NDArray[np.intp]], FloatArray]
 
@@ -155,7 +157,7 @@ def _crossed(
     """Path, piece, probability of being blocked by it, m along the path, |cosine| to the wall's normal."""
     lengths, along_wall, before = _in_axes_of_pieces(pieces)
     # How far the path's end lies beyond the wall, seen from its start.
-    from_start, from_end = (before(points, path, piece) for points in (starts, ends))
+    from_start, from_end = (before(points, path, piece) + HALF_WALL_M for points in (starts, ends))
     beyond = -np.sign(from_start) * from_end
     # What follows is slow, and most pairs end here.
     reached = np.flatnonzero(beyond > -_REACH * PLACE_SIGMA_M)
