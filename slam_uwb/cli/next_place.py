@@ -86,6 +86,6 @@ def _nearest(solution: Solution, besides: str, place: Vector2) -> str:
 
 def _gain(suggestion: Suggestion) -> str:
     return (
-        f": the expected error of the anchors falls from {suggestion.before:.2f} m to "
-        f"{suggestion.after:.2f} m"
+        f": the expected error of the anchors falls from {suggestion.before:.3f} m to "
+        f"{suggestion.after:.3f} m"
     )
