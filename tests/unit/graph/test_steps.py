@@ -41,9 +41,6 @@ class Gaussian:
         peak = SIGMA_M**-2
         return self.costs(errors), errors * peak, np.full(len(errors), peak)
 
-    def posterior(self, errors):
-        raise NotImplementedError
-
 
 @dataclass(frozen=True)
 class Drawn:
