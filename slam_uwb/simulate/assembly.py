@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TypeAlias
 
 import numpy as np
 
 from ..model.geometry import FloatArray, Points
 from .furniture import Piece, against, draw_size, keep_clear, standing
-from .placing import anchor_on_tripod, anchor_on_wall
+from .placing import NoPlaceError, anchor_on_tripod, anchor_on_wall
 from .plan import Plan, Space
 from .scene import Scene
 
 Furnishing: TypeAlias = tuple[str, str, float] | tuple[str, tuple[float, float]]
 """Kind, wall and share along it; or kind and the shares of the room where it stands free."""
 Mounting: TypeAlias = tuple[int, str, float] | tuple[int, tuple[float, float]]
-"""Room, wall and share along it; or room and the shares of it where the anchor's stand is."""
+"""Room, walls ("n e": the east one if the north one has no place) and share along it; or room and the
+shares of it where the anchor's stand is."""
 
 
 def draw_furniture(
@@ -68,11 +70,15 @@ def assemble(
 def _place_anchor(
     rng: np.random.Generator, plan: Plan, mounting: Mounting, stations: Points
 ) -> FloatArray:
-    if len(mounting) == 3:
-        room, side, share = mounting
-        return anchor_on_wall(rng, plan, plan.rooms[room], side, share)
-    room, (across, up) = mounting
-    return anchor_on_tripod(rng, plan, plan.rooms[room], across, up, stations)
+    if len(mounting) == 2:
+        room, (across, up) = mounting
+        return anchor_on_tripod(rng, plan, plan.rooms[room], across, up, stations)
+    room, sides, share = mounting
+    *others, last = sides.split()
+    for side in others:
+        with suppress(NoPlaceError):
+            return anchor_on_wall(rng, plan, plan.rooms[room], side, share)
+    return anchor_on_wall(rng, plan, plan.rooms[room], last, share)
 
 
 def _furnish(

@@ -15,8 +15,8 @@ from .placing import first_place
 from .plan import DOOR, OUTER, Plan, Room, Wall, build_plan
 from .scene import Scene
 
-MAX_ROOMS = 100
-"""Such a floor has some 300 stations."""
+MAX_ROOMS = 400
+"""Such a floor has some 1,200 stations."""
 _WING_ROOMS = 10
 _SPINE = 2.4
 """m, width of the cross corridor."""
@@ -225,9 +225,10 @@ def _mountings(rng: np.random.Generator, plan: Plan, rooms: int) -> list[Mountin
         if k % 5 == 3:
             chosen.append((room, (float(rng.uniform(0.25, 0.75)), float(rng.uniform(0.25, 0.75)))))
         else:
-            chosen.append(
-                (room, str(rng.choice(["n", "e", "s", "w"])), float(rng.uniform(0.1, 0.9)))
-            )
+            # On a large floor some wall is all doors: then another wall of that room, not another floor.
+            wall = str(rng.choice(["n", "e", "s", "w"]))
+            walls = " ".join([wall, *"nesw".replace(wall, "")])
+            chosen.append((room, walls, float(rng.uniform(0.1, 0.9))))
     return chosen
 
 

@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from slam_uwb.model.errors import SlamUwbError
-from slam_uwb.simulate import SCENES
+from slam_uwb.simulate import SCENES, assembly
 from slam_uwb.simulate.catalogue import build_scene
+from slam_uwb.simulate.placing import NoPlaceError, anchor_on_wall
+from slam_uwb.simulate.random_floor import random_floor
 from slam_uwb.simulate.scene import Scene
 from slam_uwb.simulate.segments import cast_rays, clear_paths, distances_to_segments
 
@@ -216,8 +218,28 @@ def test_random_floors_have_the_size_asked_for(rooms):
     assert len(scene.anchors) == max(3, round(0.8 * rooms))
 
 
+def test_an_anchor_goes_to_another_wall_where_its_own_has_no_place(monkeypatch):
+    # Of floor 7 one anchor's wall is all door; before, the whole floor was drawn again, and one of
+    # 300 rooms never came to an end.
+    refused = []
+
+    def counted(rng, plan, room, side, share):
+        try:
+            return anchor_on_wall(rng, plan, room, side, share)
+        except NoPlaceError:
+            refused.append((room, side))
+            raise
+
+    monkeypatch.setattr(assembly, "anchor_on_wall", counted)
+    scene = random_floor(np.random.default_rng(7), 11)
+    assert len(refused) == 1
+    assert len(scene.anchors) == 9
+    (room, _), anchors = refused[0], scene.anchors[:, :2]
+    assert any(room.x0 <= x <= room.x1 and room.y0 <= y <= room.y1 for x, y in anchors)
+
+
 @pytest.mark.parametrize(
-    "name", ["office", "random-floor-0", "random-floor-101", "random-floor-", "random-floor-1e9"]
+    "name", ["office", "random-floor-0", "random-floor-401", "random-floor-", "random-floor-1e9"]
 )
 def test_unknown_scenes_are_refused_by_name(name):
     with pytest.raises(SlamUwbError, match=r"unknown scene .* paper-office") as error:
