@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from ..model.geometry import Pose2
@@ -13,9 +13,15 @@ from .pairs import Pair
 
 
 def with_reasons(
-    hypotheses: Sequence[ScanMatch], used: Sequence[ScanMatch], placement: Mapping[StationId, Pose2]
+    hypotheses: Sequence[ScanMatch],
+    used: Sequence[ScanMatch],
+    placement: Mapping[StationId, Pose2],
+    denied: Collection[frozenset[StationId]] = (),
 ) -> tuple[ScanMatch, ...]:
-    """All hypotheses pair by pair; the used match takes the place and rank of the hypothesis that it came from."""
+    """All hypotheses pair by pair; the used match takes the place and rank of the hypothesis that it came from.
+
+    `denied` are pairs whose match was left out since it is beside where all others have them.
+    """
     by_pair: dict[Pair, list[ScanMatch]] = {}
     for match in hypotheses:
         by_pair.setdefault((match.target, match.source), []).append(match)
@@ -23,16 +29,30 @@ def with_reasons(
     return tuple(
         row
         for pair in dict.fromkeys([*by_pair, *chosen])
-        for row in _pair_rows(by_pair.get(pair, []), chosen.get(pair), placement)
+        for row in _pair_rows(
+            by_pair.get(pair, []),
+            chosen.get(pair),
+            placement,
+            "fits beside where the other matches have it"
+            if frozenset(pair) in denied
+            else "too little overlap",
+        )
     )
 
 
 def _pair_rows(
-    found: Sequence[ScanMatch], used: ScanMatch | None, placement: Mapping[StationId, Pose2]
+    found: Sequence[ScanMatch],
+    used: ScanMatch | None,
+    placement: Mapping[StationId, Pose2],
+    unused: str,
 ) -> list[ScanMatch]:
     kept = {} if used is None else {_origin(found, used): used}
     rows = [
-        *(replace(h, rejection=_reason(h, used, placement)) for h in found if h.rank not in kept),
+        *(
+            replace(h, rejection=_reason(h, used, placement, unused))
+            for h in found
+            if h.rank not in kept
+        ),
         *(replace(match, rank=rank) for rank, match in kept.items()),
     ]
     return sorted(rows, key=lambda match: match.rank)
@@ -49,8 +69,12 @@ def _origin(found: Sequence[ScanMatch], used: ScanMatch) -> int:
 
 
 def _reason(
-    hypothesis: ScanMatch, used: ScanMatch | None, placement: Mapping[StationId, Pose2]
+    hypothesis: ScanMatch,
+    used: ScanMatch | None,
+    placement: Mapping[StationId, Pose2],
+    unused: str,
 ) -> str:
+    """Why not; `unused` where the placement has the pair there too."""
     target, source = hypothesis.target, hypothesis.source
     for station in (target, source):
         if station not in placement:
@@ -58,4 +82,4 @@ def _reason(
     if used is not None:
         return "another hypothesis of the pair is used"
     agrees = same_place(hypothesis.target_T_source, placed(target, source, placement))
-    return "too little overlap" if agrees else "disagrees with the merged map"
+    return unused if agrees else "disagrees with the merged map"

@@ -15,6 +15,7 @@ from .ambiguity import Rival, ambiguous_stations, undecided_stations
 from .evidence import Block
 from .index import ScanIndex
 from .merging import RangeGain, no_ranges
+from .outliers import worst_outliers
 from .pairs import Pair
 from .placement import place_stations
 from .rejection import with_reasons
@@ -84,10 +85,11 @@ def select_matches(
     block_T_station = without_slips(blocks[0], scans, hypotheses, settings)
     certain = {s: pose for s, pose in block_T_station.items() if s not in doubtful}
     placement, used = _until_still(certain, rematch, adjust)
+    placement, used, denied = _without_outliers(placement, used, firm, adjust)
     return Selection(
         placement,
         used,
-        with_reasons(hypotheses, used, placement),
+        with_reasons(hypotheses, used, placement, denied),
         _places(doubtful, block_T_station, placement),
     )
 
@@ -144,12 +146,34 @@ def _until_still(
     placement = largest_group(placement, used)
     used = within(placement, used)
     for _ in range(_SETTLING):
-        placement = adjust(placement, used)
-        used = tuple(
-            leave_free_directions(m, placement[m.target].inverse() @ placement[m.source])
-            for m in used
-        )
+        placement, used = _settled(placement, used, adjust)
     return in_first_frame(placement), used
+
+
+def _without_outliers(
+    placement: Mapping[StationId, Pose2],
+    used: tuple[ScanMatch, ...],
+    firm: Sequence[ScanMatch],
+    adjust: Adjust,
+) -> tuple[dict[StationId, Pose2], tuple[ScanMatch, ...], frozenset[frozenset[StationId]]]:
+    """A still placement and its matches without those that the others deny; the pairs of these."""
+    decided = {match.ends for match in firm}
+    denied: set[frozenset[StationId]] = set()
+    while outliers := worst_outliers(used, placement, decided):
+        denied |= outliers
+        used = tuple(match for match in used if match.ends not in outliers)
+        placement, used = _settled(placement, used, adjust)
+    return in_first_frame(placement), used, frozenset(denied)
+
+
+def _settled(
+    placement: Mapping[StationId, Pose2], used: Sequence[ScanMatch], adjust: Adjust
+) -> tuple[dict[StationId, Pose2], tuple[ScanMatch, ...]]:
+    """A placement where its matches agree best, and these without a say where they are free."""
+    placement = adjust(placement, used)
+    return placement, tuple(
+        leave_free_directions(m, placement[m.target].inverse() @ placement[m.source]) for m in used
+    )
 
 
 def _places(
