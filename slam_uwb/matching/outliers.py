@@ -13,7 +13,7 @@ from .agreement import placed
 from .spanning import largest_group
 
 _ALLOWED = np.array([0.04, 0.04, 0.0125])  # m, m, rad; nearer, no wall tells the one from the other
-_SIGMAS = 3.0  # what a match itself calls unsure denies nothing
+_SIGMAS = 1.0  # nor is a match beside its place where it says itself that it may be
 
 
 def worst_outliers(

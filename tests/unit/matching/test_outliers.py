@@ -38,8 +38,8 @@ def test_a_match_beside_its_place_is_found(beside):
 
 
 def test_what_a_match_calls_unsure_is_no_outlier():
-    # 6 cm along x with a sigma of 3 cm there; the same across, where it is sure to 5 mm, is one.
-    sigmas = (0.03, 0.005, 0.002)
+    # 6 cm along x with a sigma of 7 cm there; the same across, where it is sure to 5 mm, is one.
+    sigmas = (0.07, 0.005, 0.002)
     along = pair("b", "d", Pose2(0.06, 0.0, 0.0), sigmas)
     across = pair("b", "d", Pose2(0.0, 0.06, 0.0), sigmas)
     assert worst_outliers(ring(bd=along), PLACES) == frozenset()
