@@ -3,8 +3,9 @@
     python scripts/swapped_identifiers.py --first 900 --seeds 20 --clean 30
 
 Four seconds at each station, an office and a flat in turn. The ranges of two anchors are exchanged at a random
-station. Named: the solution says so of both links. Not named: the anchors are as good as without
-(`passed`), or one that is `ok` has moved by more than 0.3 m and three of its sigmas (`harmful`).
+station. Named: the solution says so of both links. Doubted: one of the two anchors is `ok` no longer.
+Neither: the anchors are as good as without (`passed`), or one that is `ok` has moved by more than 0.3 m
+and three of its sigmas (`harmful`).
 """
 
 from __future__ import annotations
@@ -77,7 +78,9 @@ def judge(clean: Solution, spoilt: Solution, station: str, one: str, two: str) -
         sigma = float(np.sqrt(np.linalg.eigvalsh(anchor.covariance)[-1]))
         if moved > max(MOVED_M, MOVED_SIGMAS * sigma):
             return f"harmful: {anchor.id} moved by {moved:.2f} m"
-    return "passed"
+    after = {anchor.id: anchor.status for anchor in spoilt.anchors}
+    doubted = [a for a in (one, two) if before[a].status == "ok" and after[a] != "ok"]
+    return f"doubted: {', '.join(doubted)}" if doubted else "passed"
 
 
 def main() -> None:

@@ -266,8 +266,11 @@ def _deliver(scene: Scene, last: Round) -> Solved:
     if has_offset:
         keys += [factors.OFFSET_KEY, *(factors.D(indices.anchors[name]) for name in anchors)]
     covariance = dense_covariance(_without_sides(last), keys)
-    # Beside the Hessian there are labels that are wrong and tails (joint study, 7).
+    # Beside the Hessian there are labels that are wrong and tails (joint study, 7), and matches that
+    # share a scan.
     spread = np.ones(len(covariance))
+    scanned = np.array([name not in last.found.stations for name in stations], dtype=bool)
+    spread[: 3 * len(stations)][np.repeat(scanned, 3)] = np.sqrt(scene.settings.pose_inflation)
     spread[3 * len(stations) : size] = np.sqrt(scene.settings.anchor_inflation)
     covariance *= np.outer(spread, spread)
     biases: tuple[Bias, ...] = ()

@@ -26,8 +26,8 @@ SWAP_GAIN = 6.0
 """nats by which two ranges must fit better swapped where one of them is a fault,"""
 FAULTY_PAIR_GAIN = 3.0
 """the same with the places left open (`swaps`): twenty to one,"""
-SOUND_PAIR_GAIN = 10.0
-"""and where neither is a fault: one pair in a thousand may be swapped, and that must be likelier by far."""
+SOUND_PAIR_GAIN = 4.0
+"""and where neither is a fault: no pair of 160 surveys without a swap came above 3.0."""
 
 
 @dataclass(frozen=True, slots=True)

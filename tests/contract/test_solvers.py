@@ -20,6 +20,8 @@ from slam_uwb.model.survey import KnownPlace, RangeOffset
 from slam_uwb.ranging import link_model
 
 SETTINGS = GraphSettings()
+INDEPENDENT = GraphSettings(pose_inflation=1.0)
+"""For matches whose errors are drawn one by one; those of real scans share what a scan got wrong."""
 MODES = sorted(SOLVERS)
 
 
@@ -392,7 +394,7 @@ def test_pose_errors_are_what_the_covariances_say(scene, mode):
     total = 0.0
     for seed in range(40):
         drawn = scene.changed(match_noise=1.0, seed=seed, anchors={})
-        estimate = SOLVERS[mode](drawn.problem(), SETTINGS)
+        estimate = SOLVERS[mode](drawn.problem(), INDEPENDENT)
         first = drawn.stations[estimate.frame].inverse()
         errors = []
         for station in estimate.stations[1:]:
@@ -471,6 +473,24 @@ def test_joint_improves_a_poor_start(scene):
         np.testing.assert_allclose(places(poor)[name], place, atol=1e-6, err_msg=name)
 
 
+def test_only_the_poses_that_scans_give_are_inflated(scene):
+    # Errors that matches share are no error of the graph's: it stays as it is, to the bit.
+    problem = noisy(scene).problem()
+    plain = SOLVERS["joint"](problem, INDEPENDENT)
+    wide = SOLVERS["joint"](problem, GraphSettings(pose_inflation=4.0))
+    for one, other in zip(plain.stations, wide.stations, strict=True):
+        assert one.pose == other.pose
+        np.testing.assert_allclose(other.covariance, 4.0 * one.covariance, rtol=1e-9)
+    for one, other in zip(plain.anchors, wide.anchors, strict=True):
+        np.testing.assert_array_equal(one.position, other.position)
+        np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-9)
+    split = 3 * len(plain.stations)
+    np.testing.assert_allclose(
+        wide.joint_covariance[:split, split:], 2.0 * plain.joint_covariance[:split, split:],
+        rtol=1e-6, atol=1e-12,
+    )  # fmt: skip
+
+
 def test_matches_that_disagree_more_than_they_say_widen_the_poses(scene):
     # Errors three times what the covariances promise; with the nine-fold covariances that the
     # disagreement asks for, the NEES of 33 coordinates over 20 seeds is 660 +- 36 again, and not
@@ -478,7 +498,7 @@ def test_matches_that_disagree_more_than_they_say_widen_the_poses(scene):
     total = 0.0
     for seed in range(20):
         drawn = scene.changed(match_noise=3.0, seed=seed, anchors={}, max_pair=4.5)
-        estimate = joint(drawn.problem())
+        estimate = SOLVERS["joint"](drawn.problem(), INDEPENDENT)
         first = drawn.stations[estimate.frame].inverse()
         errors = [
             (s.pose.inverse() @ (first @ drawn.stations[s.id])).vector

@@ -87,5 +87,11 @@ class GraphSettings(Section):
         ge=1.0,
         description="factor on the covariances of anchors: wrong labels and tails (joint study, 7)",
     )
+    pose_inflation: float = Field(
+        1.6,
+        ge=1.0,
+        description="factor on the covariances of stations placed by scans: the graph takes matches of one "
+        "scan for independent, though its noise is in all of them",
+    )
     max_passes: int = Field(100, ge=1, description="outer passes of re-weighting")
     tolerance_m: float = Field(1e-7, gt=0.0, description="passes end when nothing moves further")
