@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .model.solution import Solution
     from .model.survey import Reference, Survey
     from .pipeline import solve_survey
+    from .processes import sharing
     from .simulate import simulate_survey
 
 _HOMES = {
@@ -40,6 +41,7 @@ _HOMES = {
     "read_settings": "io",
     "read_solution": "io",
     "read_survey": "io",
+    "sharing": "processes",
     "simulate_survey": "simulate",
     "solve_survey": "pipeline",
     "write_solution": "io",
@@ -59,6 +61,7 @@ __all__ = [
     "read_settings",
     "read_solution",
     "read_survey",
+    "sharing",
     "simulate_survey",
     "solve_survey",
     "write_solution",

@@ -41,13 +41,16 @@ from .model.products import (
     PreparedScan,
     Progress,
     ScanMatch,
+    Share,
     WallPieces,
+    alone,
     silent,
 )
 from .model.settings import (
     GraphSettings,
     MappingSettings,
     MatchingSettings,
+    ScanSettings,
     Settings,
 )
 from .model.solution import DecisionOutcome, GraphEstimate, Solution
@@ -76,7 +79,7 @@ def solve_survey(
     align: Alignment | None = None,
     earlier: Solution | None = None,
     progress: Progress = silent,
-    workers: int = 1,
+    share: Share = alone,
 ) -> Solution:
     """Estimate the floor map, the stations' poses and the anchors' places of one survey.
 
@@ -91,7 +94,7 @@ def solve_survey(
             stations are matched; the matches that held the earlier map together are used as they are,
             and its frame stays aligned as it was where `align` says nothing else.
         progress: Called with what is being done, how much of it is done, and how much there is.
-        workers: Processes that match scans; the result does not depend on it.
+        share: How work is shared out among processes (`sharing`); the result does not depend on it.
 
     Returns:
         Places with covariances in the frame of the first placed station, or the site's where
@@ -107,18 +110,18 @@ def solve_survey(
     settings = settings or Settings()
     survey = survey if use_ranges else survey.without_ranges()
     # Each recording and each link alone.
-    reduced, scans, upper_scans = _prepare(survey, settings)
+    reduced, scans, upper_scans = _prepare(survey, settings, share)
     links = reduce_links(survey, settings.ranging)
     if earlier is not None:
         require_fit(earlier, survey, settings, reduced, links)
     links = decide_links(links, survey.decisions)
     # Which scans hold together, and how.
     known = earlier_matches(earlier)
-    decided, selection = _match(survey, scans, links, known, settings.matching, progress, workers)
+    decided, selection = _match(survey, scans, links, known, settings.matching, progress, share)
     # Where the stations and the anchors are.
     walls_at = partial(find_walls, scans, settings=settings.mapping, upper_scans=upper_scans)
     problem = _problem(survey, selection, links, settings, walls_at if scans else None)
-    estimate = _solve(problem, settings.graph, selection, progress)
+    estimate = _solve(problem, settings.graph, selection, progress, share)
     aligned_T_world, picture = _alignment(estimate, align, earlier, walls_at, settings.mapping)
     if aligned_T_world is not None:
         estimate = change_frame(estimate, aligned_T_world)
@@ -140,20 +143,30 @@ def solve_survey(
 
 
 def _prepare(
-    survey: Survey, settings: Settings
+    survey: Survey, settings: Settings, share: Share
 ) -> tuple[dict[StationId, Scan], dict[StationId, PreparedScan], dict[StationId, PreparedScan]]:
     """Scans reduced to one sample an angle bin, described, and the described upper ones."""
     # By name, not in the survey's order: which scan is fitted to which must not depend on it.
     stations = sorted(survey.stations, key=lambda station: station.id)
-    reduced = {s.id: reduce_scan(s.scan, settings.scan) for s in stations if s.scan is not None}
-    upper = {s.id: s.upper_scan for s in stations if s.upper_scan is not None}
     landmarks = settings.matching.initialiser == "landmark"
     prepare = partial(prepare_scan, settings=settings.scan, landmarks=landmarks)
+    recorded = [(s.id, s.scan) for s in stations if s.scan is not None]
+    made = list(share(partial(_reduced_and_prepared, settings.scan, prepare), recorded))
     return (
-        reduced,
-        {name: prepare(name, scan) for name, scan in reduced.items()},
-        {name: prepare(name, scan) for name, scan in upper.items()},
+        {name: reduced for (name, _), (reduced, _) in zip(recorded, made, strict=True)},
+        {name: scan for (name, _), (_, scan) in zip(recorded, made, strict=True)},
+        {s.id: prepare(s.id, s.upper_scan) for s in stations if s.upper_scan is not None},
     )
+
+
+def _reduced_and_prepared(
+    settings: ScanSettings,
+    prepare: Callable[[StationId, Scan], PreparedScan],
+    recorded: tuple[StationId, Scan],
+) -> tuple[Scan, PreparedScan]:
+    station, scan = recorded
+    reduced = reduce_scan(scan, settings)
+    return reduced, prepare(station, reduced)
 
 
 def _match(
@@ -163,13 +176,13 @@ def _match(
     known: Earlier,
     settings: MatchingSettings,
     progress: Progress,
-    workers: int,
+    share: Share,
 ) -> tuple[DecidedPairs, Selection]:
     """What a person decided of the pairs, and the hypotheses that hold together."""
     scans = index_scans(prepared, settings)
     separation = least_separation(tuple(scans), links)
     pairs = candidate_pairs(tuple(scans), survey.sequence, settings, separation)
-    found = match_pairs(known.unmatched(pairs), scans, settings, progress, workers)
+    found = match_pairs(known.unmatched(pairs), scans, settings, progress, share)
     hypotheses = (*known.hypotheses, *found)
     decided = decide_pairs(survey.decisions, pairs, hypotheses, scans, settings)
     selection = select_matches(
@@ -181,6 +194,7 @@ def _match(
         firm=known.firm(decided.firm),
         range_gain=range_gain(survey, links),
         progress=progress,
+        share=share,
     )
     return decided, selection
 
@@ -208,12 +222,16 @@ def _problem(
 
 
 def _solve(
-    problem: GraphProblem, settings: GraphSettings, selection: Selection, progress: Progress
+    problem: GraphProblem,
+    settings: GraphSettings,
+    selection: Selection,
+    progress: Progress,
+    share: Share,
 ) -> GraphEstimate:
     """The solver's estimate, with the stations that matching found to fit at several places named so."""
     progress("estimating poses and anchors", 0, 1)
     try:
-        estimate = SOLVERS[settings.mode](problem, settings)
+        estimate = SOLVERS[settings.mode](problem, settings, share)
     except DisconnectedSurveyError as error:
         if selection.ambiguous:
             raise repeating_building(selection) from error

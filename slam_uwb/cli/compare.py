@@ -131,9 +131,11 @@ def _compare(
         as_printed=everything,
     )
     results: list[MethodResult] = []
-    with progress_bar() as progress:
+    from ..processes import sharing
+
+    with sharing(workers, ["pipeline"]) as share, progress_bar() as progress:
         for survey, reference in surveys:
             results += compare_methods(
-                survey, reference, compared, time.perf_counter, progress, workers
+                survey, reference, compared, time.perf_counter, progress, share
             )
     return results

@@ -98,4 +98,11 @@ SettingsOption = Annotated[
         "all of them), or `paper` for the paper's own numbers and matching.",
     ),
 ]
-WorkersOption = Annotated[int, typer.Option(min=1, metavar="N", help="Processes that match scans.")]
+WorkersOption = Annotated[
+    int,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Processes that share the work of one survey; the result is the same.",
+    ),
+]

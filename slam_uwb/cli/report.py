@@ -27,7 +27,8 @@ def report(
     One page that opens without a network. `solve` writes it already; this draws it again, with
     this version of the software, from what is in OUT. The survey's recordings are not needed.
     """
-    from ..report.page import REPORT, draw_report
+    from ..report.page import draw_report
+    from ..report.pictures import REPORT
 
     target = out / REPORT if to is None else to
     replace_file(target, draw_report(read_solved_survey(out)).encode())

@@ -75,21 +75,22 @@ def solve(
     known = None if earlier is None else read_solved_survey(earlier)
     chosen = choose_settings(settings, mode, pairs, None if known is None else known.settings)
     frame = parse_alignment(align or [])
-    sound = read_sound_survey(survey)
 
     from ..io import write_solution
-    from ..pipeline import solve_survey
+    from ..processes import sharing
 
-    with progress_bar() as progress:
+    with sharing(workers, ["pipeline", "report.figures"]) as share, progress_bar() as progress:
+        sound = read_sound_survey(survey)
+        from ..pipeline import solve_survey
+
         solution = solve_survey(
             sound, chosen, use_ranges=not no_ranges, align=frame, earlier=known,
-            progress=progress, workers=workers,
+            progress=progress, share=share,
         )  # fmt: skip
         progress("drawing and writing", 0, 1)
-        from ..report.page import REPORT
-        from ..report.pictures import FIGURE, solution_pictures
+        from ..report.pictures import FIGURE, REPORT, solution_pictures
 
-        write_solution(solution, out, extras=solution_pictures(solution))
+        write_solution(solution, out, extras=solution_pictures(solution, share))
         progress("drawing and writing", 1, 1)
     print_warnings(solution.warnings)
     print_summary(solution, out, out / FIGURE, out / REPORT, as_json=as_json)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from ..model.errors import SlamUwbError
-from ..model.products import Progress, silent
+from ..model.products import Progress, Share, alone, silent
 from ..model.settings import PRESETS, Settings
 from ..model.solution import Solution, Status
 from ..model.survey import Reference, Survey
@@ -101,7 +101,7 @@ def compare_methods(
     compared: Sequence[Method],
     clock: Callable[[], float],
     progress: Progress = silent,
-    workers: int = 1,
+    share: Share = alone,
 ) -> tuple[MethodResult, ...]:
     """Solve one survey by each method; a method that fails has its row and its reason.
 
@@ -111,13 +111,13 @@ def compare_methods(
         compared: The methods.
         clock: Seconds since any epoch, such as `time.perf_counter`.
         progress: Called with the survey's name and how many methods are done.
-        workers: Processes that match scans.
+        share: How work is shared out among processes.
     """
     results = []
     for done, method in enumerate(compared):
         progress(survey.name, done, len(compared))
         start = clock()
-        result = _result(survey, reference, method, workers)
+        result = _result(survey, reference, method, share)
         results.append(replace(result, seconds=clock() - start))
     progress(survey.name, len(compared), len(compared))
     return tuple(results)
@@ -130,7 +130,7 @@ def _settings(settings: Settings, mode: str, initialiser: str, refiner: str) -> 
 
 
 def _result(
-    survey: Survey, reference: Reference | None, method: Method, workers: int
+    survey: Survey, reference: Reference | None, method: Method, share: Share
 ) -> MethodResult:
     # Here, since tables of results that are there already need no solver.
     from ..pipeline import solve_survey
@@ -146,7 +146,7 @@ def _result(
         anchors=len(survey.anchors),
     )
     try:
-        solution = solve_survey(survey, method.settings, workers=workers)
+        solution = solve_survey(survey, method.settings, share=share)
         evaluation = None if reference is None else evaluate_solution(solution, reference)
     except SlamUwbError as error:
         return replace(empty, failure=str(error))

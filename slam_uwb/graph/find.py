@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ..model.geometry import Vector2
 from ..model.link_law import LinkModel
-from ..model.products import GraphProblem, LinkMeasurement
+from ..model.products import GraphProblem, LinkMeasurement, Share, alone
 from ..model.settings import GraphSettings
 from ..model.solution import Status
 from ..model.survey import Anchor, AnchorId, RangeOffset, StationId
@@ -29,12 +30,15 @@ class Scene:
     start: Start
     prior: RangeOffset
     levers: Levers
+    share: Share
 
     @classmethod
-    def of(cls, problem: GraphProblem, start: Start, settings: GraphSettings) -> Scene:
+    def of(
+        cls, problem: GraphProblem, start: Start, settings: GraphSettings, share: Share = alone
+    ) -> Scene:
         """The scene of a problem that starts there."""
         levers = Levers(np.array(problem.tag_offset), start.headings)
-        return cls(problem, settings, start, range_prior(problem, settings), levers)
+        return cls(problem, settings, start, range_prior(problem, settings), levers, share)
 
     def known_place(self, anchor: Anchor) -> Vector2 | None:
         """(2,) m, where the anchor was surveyed and the frame is the site's."""
@@ -99,7 +103,7 @@ def find_points(
     # The offset is taken from the solution, but as loosely as before it: the solution has seen the
     # very ranges that are judged here.
     offset = RangeOffset(present.offset, scene.prior.sigma)
-    search = Search(model, OffsetPrior(offset, model.anchor_sigma), scene.settings)
+    search = Search(model.as_it_is(), OffsetPrior(offset, model.anchor_sigma), scene.settings)
     heights = before.heights()
     sure = {
         name: place
@@ -107,10 +111,16 @@ def find_points(
         if name in heights and before.anchors[name].status is Status.OK
     }
     tags = scene.levers.tags({name: present.poses[name] for name in scene.start.poses})
-    anchors = {}
-    for anchor in scene.problem.anchors:
-        seen = anchor_sightings(scene.problem, links, anchor.id, tags, sure, heights)
-        anchors[anchor.id] = _find_anchor(scene, anchor, seen, search, before)
+    views = [
+        anchor_sightings(scene.problem, links, anchor.id, tags, sure, heights)
+        for anchor in scene.problem.anchors
+    ]
+    wanted = [
+        (scene.known_place(anchor), anchor.height, seen, before.anchors.get(anchor.id))
+        for anchor, seen in zip(scene.problem.anchors, views, strict=True)
+    ]
+    found = scene.share(partial(_find_anchor, search), wanted)
+    anchors = {a.id: finding for a, finding in zip(scene.problem.anchors, found, strict=True)}
     stations = {}
     for station in scene.problem.stations:
         if station.scan is None and station.id not in scene.start.poses:
@@ -121,15 +131,15 @@ def find_points(
 
 
 def _find_anchor(
-    scene: Scene, anchor: Anchor, seen: Sightings, search: Search, before: Found
+    search: Search, wanted: tuple[Vector2 | None, float | None, Sightings, Finding | None]
 ) -> Finding:
+    """Of an anchor's known place and height, what sees it, and what was found in the round before."""
+    known, height, seen, before = wanted
     count = len(seen.points)
-    known = scene.known_place(anchor)
     if known is None:
-        same = _same_view(before.anchors.get(anchor.id), seen)
-        return find_point(seen, anchor.height, search, same)
-    if anchor.height is not None or count < scene.settings.min_stations:
-        return Finding(Status.OK, known, anchor.height, count)
+        return find_point(seen, height, search, _same_view(before, seen))
+    if height is not None or count < search.settings.min_stations:
+        return Finding(Status.OK, known, height, count)
     height = find_height(seen, search)
     return Finding(Status.WEAK_GEOMETRY, known, height, count)
 

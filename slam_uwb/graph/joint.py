@@ -14,7 +14,7 @@ import numpy as np
 from ..model.errors import SolverError
 from ..model.geometry import Pose2
 from ..model.link_law import LinkModel
-from ..model.products import GraphProblem, LinkMeasurement
+from ..model.products import GraphProblem, LinkMeasurement, Share, alone
 from ..model.settings import GraphSettings
 from ..model.solution import Bias, GraphEstimate, Status
 from . import factors
@@ -56,12 +56,15 @@ class Round:
     """So many factors hold anchors on their sides: the last ones of the fixed graph."""
 
 
-def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate:
+def solve_joint(
+    problem: GraphProblem, settings: GraphSettings, share: Share = alone
+) -> GraphEstimate:
     """Solve poses, anchors and offsets together (Gaussian passes; iSAM2 where they end).
 
     Args:
         problem: matches that hold together, links, known places, a model of the links' errors.
         settings: see `GraphSettings`.
+        share: how the search for the anchors is shared out.
 
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
@@ -69,11 +72,11 @@ def solve_joint(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate
     """
     if problem.link_model is None:
         raise SolverError("the joint solver needs a model of the links' errors")
-    scene = Scene.of(problem, choose_start(problem), settings)
+    scene = Scene.of(problem, choose_start(problem), settings, share)
     scene, last = _solve_rounds(scene, problem.link_model)
     site = _site_by_ranges(scene, last.optimum.variables, last.found)
     if site is not None:
-        scene, last = _solve_rounds(Scene.of(problem, site, settings), problem.link_model)
+        scene, last = _solve_rounds(Scene.of(problem, site, settings, share), problem.link_model)
     return build_estimate(problem, _deliver(scene, last), settings)
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..model.geometry import FloatArray, Matrix2, Matrix3, Pose2, Vector2
-from ..model.products import GraphProblem, LinkMeasurement
+from ..model.products import GraphProblem, LinkMeasurement, Share, alone
 from ..model.settings import GraphSettings
 from ..model.solution import GraphEstimate, Status
 from ..model.survey import Anchor, AnchorId, KnownPlace, Station, StationId
@@ -29,7 +29,9 @@ from .variables import Variables
 Fitted = tuple[Finding, Matrix2 | None]
 
 
-def solve_sequential(problem: GraphProblem, settings: GraphSettings) -> GraphEstimate:
+def solve_sequential(
+    problem: GraphProblem, settings: GraphSettings, share: Share = alone
+) -> GraphEstimate:
     """Poses by chaining matches, then every anchor by itself (the paper).
 
     Stations that only ranges can place are located in the same way from the fitted anchors.
@@ -37,16 +39,17 @@ def solve_sequential(problem: GraphProblem, settings: GraphSettings) -> GraphEst
     Args:
         problem: matches that hold together, links, known places.
         settings: limits of what is called determined.
+        share: as every solver has it; here there is nothing to share out.
 
     Raises:
         DisconnectedSurveyError: no two stations hold together and no site frame exists.
     """
     chained = _chained(problem)
     start = choose_start(chained)
-    solved = _solve_from(Scene.of(chained, start, settings))
+    solved = _solve_from(Scene.of(chained, start, settings, share))
     site = tie_to_site(chained, start, *_sure(solved))
     if site is not None:
-        solved = _solve_from(Scene.of(chained, site, settings))
+        solved = _solve_from(Scene.of(chained, site, settings, share))
     estimate = build_estimate(chained, solved, settings)
     links = zip(estimate.links, problem.links, strict=True)
     return replace(

@@ -76,15 +76,20 @@ def likely_sides(
     tags, heights = scene.levers.tags(present.poses), found.heights()
     known = {a.id for a in scene.problem.anchors if scene.known_place(a) is not None}
     sigma = math.hypot(scene.prior.sigma, model.anchor_sigma)
-    sides = {}
+    wanted: dict[AnchorId, tuple[Vector2, PlaceCosts]] = {}
     for anchor, place in present.anchors.items():
         if anchor in known or anchor not in heights:
             continue
         seen = anchor_sightings(scene.problem, links, anchor, tags, {}, heights)
         if len(seen.points):
-            costs = PlaceCosts(seen, heights[anchor], model, present.offset, sigma)
-            sides[anchor] = side_at(refined_place(likeliest_place(place, costs), costs), costs)
-    return sides
+            costs = PlaceCosts(seen, heights[anchor], model.as_it_is(), present.offset, sigma)
+            wanted[anchor] = place, costs
+    return dict(zip(wanted, scene.share(_likely_side, list(wanted.values())), strict=True))
+
+
+def _likely_side(about: tuple[Vector2, PlaceCosts]) -> Side:
+    place, costs = about
+    return side_at(refined_place(likeliest_place(place, costs), costs), costs)
 
 
 def label_places(names: Sequence[AnchorId], present: Variables, sides: Sides) -> Points:

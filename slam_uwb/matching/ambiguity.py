@@ -7,18 +7,26 @@ wherever its hypotheses allow.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from ..model.geometry import Pose2
-from ..model.products import ScanMatch
+from ..model.geometry import FloatArray, Pose2
+from ..model.products import Kept, ScanMatch, Share, alone
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
-from .evidence import Block, total_evidence
+from .evidence import Block, Seen, total_evidence
 from .index import ScanIndex
-from .merging import RangeGain, aligned_gains, distant, merge_candidates, touching_stations
+from .merging import (
+    RangeGain,
+    Touching,
+    aligned_gains,
+    distant,
+    merge_candidates,
+    touching_stations,
+)
 from .parts import part_of, seen_by_each
 
 _ELSEWHERE_M, _ELSEWHERE_RAD = 1.0, 0.5  # nearer places are one place, badly known
@@ -40,12 +48,24 @@ class Rival:
     """m, the evidence of the place where the station stands."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Finished:
+    """A block, and what taking stations out of it asks for again and again."""
+
+    block: Block
+    seen: Mapping[StationId, Mapping[StationId, Seen]]
+    touching: Touching
+    evidence: float
+    """m, of all of it."""
+
+
 def ambiguous_stations(
     block: Block,
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
     range_gain: RangeGain,
+    share: Share = alone,
 ) -> dict[StationId, Rival]:
     """Stations whose place in the block is not the only one, each with its best other place.
 
@@ -58,7 +78,7 @@ def ambiguous_stations(
         return {}
     single = [frozenset({station}) for station in block.poses]
     parts = [part for part in block.parts if 2 * len(part) <= len(block.poses)]
-    rivals = _rivals((*single, *parts), block, scans, hypotheses, settings, range_gain)
+    rivals = _rivals((*single, *parts), block, scans, hypotheses, settings, range_gain, share)
     elsewhere = [g for g, r in rivals.items() if len(g) == 1 and r.evidence >= _FITS_M]
     if len(elsewhere) < _ALIASED * len(block.poses):
         elsewhere = [g for g, r in rivals.items() if r.evidence >= _NEARLY_AS_GOOD * r.own]
@@ -95,36 +115,32 @@ def undecided_stations(
 
 
 def _rivals(
-    groups: Iterable[frozenset[StationId]],
+    groups: Sequence[frozenset[StationId]],
     block: Block,
     scans: Mapping[StationId, ScanIndex],
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
     range_gain: RangeGain,
+    share: Share,
 ) -> dict[frozenset[StationId], Rival]:
     """Groups of stations that fit elsewhere in the rest of the block."""
-    seen, touching = seen_by_each(block, scans, settings), touching_stations(hypotheses)
-    whole = total_evidence(block, scans, settings)
+    finished = _Finished(
+        block, seen_by_each(block, scans, settings), touching_stations(hypotheses),
+        total_evidence(block, scans, settings),
+    )  # fmt: skip
+    gains_of = partial(_gains_elsewhere, share.keep(finished), share.keep(scans), settings)
     found = {}
-    for group in groups:
-        rest = part_of(block, block.poses.keys() - group, seen)
-        part = part_of(block, group, seen)
-        # In its own frame: from the block's, a turn would move it far.
-        pose = next(iter(part.poses.values()))
-        inverse = pose.inverse()
-        part = replace(part, poses={s: inverse @ place for s, place in part.poses.items()})
-        others = merge_candidates(rest, part, touching, most=_RIVALS)
-        others = others[distant(others, pose.vector, _ELSEWHERE_M / 2, _ELSEWHERE_RAD / 2)]
-        others, gains = aligned_gains(rest, part, others, scans, settings)
-        own = whole - total_evidence(rest, scans, settings) - total_evidence(part, scans, settings)
-        places, gains = np.vstack([pose.vector, others]), np.array([own, *gains])
+    for group, (places, gains) in zip(groups, share(gains_of, groups), strict=True):
         allowed = gains >= settings.min_margin_m
         if not allowed[1:].any():
             continue
         allowed[0] = True
         places, gains = places[allowed], gains[allowed]
+        inverse = Pose2.from_vector(places[0]).inverse()
+        rest = {s: pose for s, pose in block.poses.items() if s not in group}
+        part = {s: inverse @ pose for s, pose in block.poses.items() if s in group}
         # Ranges speak against a place, not for it: coarse as they are, they favour many.
-        ranges = range_gain(rest.poses, part.poses, places)
+        ranges = range_gain(rest, part, places)
         gains = gains + settings.range_weight_m * np.minimum(ranges - ranges[0], 0.0)
         elsewhere = np.flatnonzero(distant(places, places[0], _ELSEWHERE_M, _ELSEWHERE_RAD))
         if len(elsewhere):
@@ -132,3 +148,25 @@ def _rivals(
             other_T_block = Pose2.from_vector(places[best]) @ inverse
             found[group] = Rival(other_T_block, float(gains[best]), float(gains[0]))
     return found
+
+
+def _gains_elsewhere(
+    finished: Kept[_Finished],
+    scans: Kept[Mapping[StationId, ScanIndex]],
+    settings: MatchingSettings,
+    group: frozenset[StationId],
+) -> tuple[FloatArray, FloatArray]:
+    """Places (K, 3) of a group in the rest of its block, its own first, and their evidence (K,), m."""
+    block, seen = finished.value.block, finished.value.seen
+    rest = part_of(block, block.poses.keys() - group, seen)
+    part = part_of(block, group, seen)
+    # In its own frame: from the block's, a turn would move it far.
+    pose = next(iter(part.poses.values()))
+    inverse = pose.inverse()
+    part = replace(part, poses={s: inverse @ place for s, place in part.poses.items()})
+    others = merge_candidates(rest, part, finished.value.touching, most=_RIVALS)
+    others = others[distant(others, pose.vector, _ELSEWHERE_M / 2, _ELSEWHERE_RAD / 2)]
+    others, gains = aligned_gains(rest, part, others, scans.value, settings)
+    without = [total_evidence(some, scans.value, settings) for some in (rest, part)]
+    own = finished.value.evidence - without[0] - without[1]
+    return np.vstack([pose.vector, others]), np.array([own, *gains])

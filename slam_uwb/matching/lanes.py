@@ -12,7 +12,7 @@ from ..model.geometry import FloatArray
 from .batch import invert
 from .index import ScanIndex, table_cells
 
-_PAIRS_AT_ONCE = 32
+_PAIRS_AT_ONCE, _PAIRS_SHARED = 32, 16
 
 ScanPair = tuple[ScanIndex, ScanIndex]
 """Target and source."""
@@ -137,6 +137,12 @@ def lanes_both_ways(pairs: Sequence[ScanPair]) -> Lanes:
 def both_ways(poses: FloatArray) -> FloatArray:
     """(2 Q, K, 3) poses target_T_source (Q, K, 3) of Q pairs, then their inverses."""
     return np.concatenate([poses, invert(poses)])
+
+
+def shared_parts(count: int) -> Iterator[slice]:
+    """Smaller parts of `count` pairs, so that processes that share them out end together."""
+    for first in range(0, count, _PAIRS_SHARED):
+        yield slice(first, first + _PAIRS_SHARED)
 
 
 def in_parts(count: int) -> Iterator[slice]:

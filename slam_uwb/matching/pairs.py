@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from itertools import combinations
-from multiprocessing import get_context
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import chain, combinations
 
 import numpy as np
 
 from ..model.errors import SettingsError
 from ..model.geometry import FloatArray
-from ..model.products import PreparedScan, Progress, ScanMatch, silent
+from ..model.products import Kept, PreparedScan, Progress, ScanMatch, Share, alone, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .hypotheses import match_together
 from .index import ScanIndex, index_scan
-from .lanes import in_parts
+from .lanes import shared_parts
 
 Pair = tuple[StationId, StationId]
 """(m, n): target and source; fit scan n to scan m."""
-
-_WORTH_PROCESSES = 400  # pairs; below, starting processes costs more than it saves
 
 
 def candidate_pairs(
@@ -81,53 +78,21 @@ def match_pairs(
     scans: Mapping[StationId, ScanIndex],
     settings: MatchingSettings,
     progress: Progress = silent,
-    workers: int = 1,
+    share: Share = alone,
 ) -> tuple[ScanMatch, ...]:
     """Hypotheses of all pairs, in the order of the pairs, each pair's best first."""
+    match = partial(_match_part, share.keep(scans), settings)
+    found = share(match, [pairs[part] for part in shared_parts(len(pairs))])
     matches: list[ScanMatch] = []
-    for done, found in enumerate(_matched(pairs, scans, settings, workers), start=1):
-        matches.extend(found)
+    for done, of_pair in enumerate(chain.from_iterable(found), start=1):
+        matches.extend(of_pair)
         progress("matching scans", done, len(pairs))
     return tuple(matches)
 
 
-def _matched(
-    pairs: Sequence[Pair],
-    scans: Mapping[StationId, ScanIndex],
-    settings: MatchingSettings,
-    workers: int,
-) -> Iterator[tuple[ScanMatch, ...]]:
-    parts = [pairs[part] for part in in_parts(len(pairs))]
-    if workers == 1 or len(pairs) < _WORTH_PROCESSES:
-        for part in parts:
-            yield from _match_part(part, scans, settings)
-        return
-    context = get_context("forkserver" if "forkserver" in _start_methods() else "spawn")
-    with ProcessPoolExecutor(workers, context, _keep_in_process, (dict(scans), settings)) as pool:
-        for found in pool.map(_match_in_process, parts):
-            yield from found
-
-
 def _match_part(
-    pairs: Sequence[Pair], scans: Mapping[StationId, ScanIndex], settings: MatchingSettings
+    scans: Kept[Mapping[StationId, ScanIndex]], settings: MatchingSettings, pairs: Sequence[Pair]
 ) -> list[tuple[ScanMatch, ...]]:
-    return match_together([(scans[target], scans[source]) for target, source in pairs], settings)
-
-
-def _start_methods() -> list[str]:
-    from multiprocessing import get_all_start_methods
-
-    return get_all_start_methods()
-
-
-_in_process: tuple[Mapping[StationId, ScanIndex], MatchingSettings]
-"""Set once in each worker process, so that scans travel once and not with every pair."""
-
-
-def _keep_in_process(scans: Mapping[StationId, ScanIndex], settings: MatchingSettings) -> None:
-    global _in_process  # noqa: PLW0603 - the only way a pool's initialiser can hand over
-    _in_process = (scans, settings)
-
-
-def _match_in_process(pairs: Sequence[Pair]) -> list[tuple[ScanMatch, ...]]:
-    return _match_part(pairs, *_in_process)
+    return match_together(
+        [(scans.value[target], scans.value[source]) for target, source in pairs], settings
+    )

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
 from typing import TypeVar
 
 import numpy as np
 
 from ..model.geometry import Pose2
-from ..model.products import ScanMatch
+from ..model.products import Kept, ScanMatch, Share, alone
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .agreement import placed, same_place
 from .hypotheses import describe_pairs
 from .index import ScanIndex
+from .lanes import shared_parts
 from .refiners.point_to_line import polish_pairs
 from .score import score_pairs
 from .sight import Sights, may_meet
@@ -48,6 +51,7 @@ def rematch_pairs(
     *,
     firm: Sequence[ScanMatch] = (),
     until_still: bool = False,
+    share: Share = alone,
 ) -> tuple[ScanMatch, ...]:
     """Matches of the pairs that overlap at a placement, refined once more from there.
 
@@ -60,7 +64,9 @@ def rematch_pairs(
     joined = [match for match in firm if match.ends not in again]
     glances = _glances(scans, placement, pairs, settings)
     chosen = _strong_or_joining(glances, _NEARLY * settings.min_overlap, joined)
-    matches = _refined(chosen, scans, settings, until_still=until_still)
+    refine = partial(_refined, share.keep(scans), settings, until_still)
+    parts = [chosen[part] for part in shared_parts(len(chosen))]
+    matches = tuple(chain.from_iterable(share(refine, parts)))
     return with_firm(_strong_or_joining(matches, settings.min_overlap, joined), firm, placement)
 
 
@@ -89,15 +95,14 @@ def _glances(
 
 
 def _refined(
-    glances: Sequence[_Glance],
-    scans: Mapping[StationId, ScanIndex],
+    scans: Kept[Mapping[StationId, ScanIndex]],
     settings: MatchingSettings,
-    *,
     until_still: bool,
+    glances: Sequence[_Glance],
 ) -> tuple[ScanMatch, ...]:
     """The matches of the pairs that have one with evidence near their place."""
     starts = np.array([glance.start.vector for glance in glances]).reshape(-1, 3)
-    both = [(scans[glance.target], scans[glance.source]) for glance in glances]
+    both = [(scans.value[glance.target], scans.value[glance.source]) for glance in glances]
     refined = polish_pairs(both, starts, settings, until_still=until_still)
     settled = [int(number) for number in np.flatnonzero(refined.converged)]
     both = [both[number] for number in settled]

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Protocol
 
 from ..model.geometry import Pose2
-from ..model.products import Progress, ScanMatch, silent
+from ..model.products import Progress, ScanMatch, Share, alone, silent
 from ..model.settings import MatchingSettings
 from ..model.survey import StationId
 from .ambiguity import Rival, ambiguous_stations, undecided_stations
@@ -64,6 +64,7 @@ def select_matches(
     firm: Sequence[ScanMatch] = (),
     range_gain: RangeGain = no_ranges,
     progress: Progress = silent,
+    share: Share = alone,
 ) -> Selection:
     """Choose among the hypotheses as `settings.placement` says.
 
@@ -74,14 +75,14 @@ def select_matches(
     """
     if settings.placement == "sequence":
         return _by_sequence(scans, hypotheses, firm)
-    rematch = partial(rematch_pairs, scans, pairs=pairs, settings=settings, firm=firm)
+    rematch = partial(rematch_pairs, scans, pairs=pairs, settings=settings, firm=firm, share=share)
     blocks = place_stations(
         scans, hypotheses, settings, firm=firm, range_gain=range_gain, progress=progress,
         settle=lambda poses: adjust(poses, rematch(poses)),
     )  # fmt: skip
     if not blocks:
         return Selection({}, (), with_reasons(hypotheses, (), {}))
-    doubtful = _doubtful(blocks, scans, hypotheses, settings, range_gain, firm)
+    doubtful = _doubtful(blocks, scans, hypotheses, settings, range_gain, firm, share)
     block_T_station = without_slips(blocks[0], scans, hypotheses, settings)
     certain = {s: pose for s, pose in block_T_station.items() if s not in doubtful}
     placement, used = _until_still(certain, rematch, adjust)
@@ -115,12 +116,13 @@ def _doubtful(
     settings: MatchingSettings,
     range_gain: RangeGain,
     firm: Sequence[ScanMatch],
+    share: Share,
 ) -> dict[StationId, Rival | None]:
     """Stations of the largest block that may not stand where they do, with their best other place.
 
     Where the whole map is in doubt these are all of them, those without another place too.
     """
-    rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain)
+    rivals = ambiguous_stations(blocks[0], scans, hypotheses, settings, range_gain, share)
     # Where somebody said how a station stands to another, it has no other place.
     decided = {station for match in firm for station in match.ends}
     doubtful: dict[StationId, Rival | None] = {

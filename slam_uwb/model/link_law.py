@@ -51,6 +51,9 @@ class LinkModel(Protocol):
         """The model with the walls as stations at `poses` (world_T_station) see them."""
         ...
 
+    def as_it_is(self) -> LinkModel:
+        """The model that keeps its walls wherever the stations are, and nothing to find others with."""
+
     def unlabelled(self, *shape: int) -> FloatArray:
         """(*shape, W) labels of links of which no map speaks."""
         ...

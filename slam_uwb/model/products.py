@@ -7,8 +7,9 @@ noise)`` expects, so nothing is rotated on the way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,43 @@ Progress = Callable[[str, int, int], None]
 
 def silent(_what: str, _done: int, _total: int) -> None:
     """Report nothing."""
+
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+class Kept(Generic[_Item]):
+    """A large value that is at hand wherever work is done, and travels there once."""
+
+    def __init__(self, value: _Item) -> None:
+        self.value = value
+
+
+class Share(Protocol):
+    """Applies a function to items, here or in several processes: the results do not depend on where."""
+
+    def __call__(
+        self, function: Callable[[_Item], _Result], items: Sequence[_Item], /
+    ) -> Iterator[_Result]:
+        """The results in the order of the items. Function and items must be picklable."""
+
+    def keep(self, value: _Item, /) -> Kept[_Item]:
+        """The value for use in functions; the same object is sent only once."""
+
+
+class _Alone:
+    def __call__(
+        self, function: Callable[[_Item], _Result], items: Sequence[_Item], /
+    ) -> Iterator[_Result]:
+        return map(function, items)
+
+    def keep(self, value: _Item, /) -> Kept[_Item]:
+        return Kept(value)
+
+
+alone: Share = _Alone()
+"""Shares nothing out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

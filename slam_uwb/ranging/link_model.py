@@ -114,6 +114,10 @@ class LinkModel:
         """The model with the walls as stations at `poses` (world_T_station) see them."""
         return self if self.find_walls is None else replace(self, pieces=self.find_walls(poses))
 
+    def as_it_is(self) -> LinkModel:
+        """The model that keeps its walls wherever the stations are, and nothing to find others with."""
+        return replace(self, find_walls=None)
+
     def unlabelled(self, *shape: int) -> FloatArray:
         """(*shape, W) labels of links of which no map speaks: NaN."""
         return np.full((*shape, MAX_WALLS + 1), np.nan)

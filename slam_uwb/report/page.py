@@ -24,8 +24,6 @@ from .verdict import Level, judge_solution
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-REPORT = "report.html"
-"""Its name in a solution folder."""
 _TEMPLATES = Path(__file__).parent / "templates"
 _PLACES = 3
 """Suggested to be measured next."""

@@ -3,12 +3,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from slam_uwb.matching import candidate_pairs, index_scans, match_pairs, pairs
+from slam_uwb.matching import candidate_pairs, index_scans, match_pairs
 from slam_uwb.matching.hypotheses import match_pair
 from slam_uwb.model.errors import SettingsError
 from slam_uwb.model.geometry import Pose2
 from slam_uwb.model.settings import ScanSettings
 from slam_uwb.model.survey import Scan
+from slam_uwb.processes import sharing
 from slam_uwb.scan import prepare_scan
 
 STATIONS = ("s1", "s2", "s3")
@@ -92,17 +93,17 @@ def test_matches_come_pair_by_pair_best_first(three_room_scans, settings):
 
 
 def test_no_pairs_no_matches(three_room_scans, settings):
-    assert match_pairs((), three_room_scans, settings, workers=4) == ()
+    assert match_pairs((), three_room_scans, settings) == ()
 
 
 def test_several_processes_find_the_same_to_the_last_digit(
-    three_room_scans, three_room_pairs, three_room_hypotheses, settings, monkeypatch
+    three_room_scans, three_room_pairs, three_room_hypotheses, settings
 ):
-    monkeypatch.setattr(pairs, "_WORTH_PROCESSES", 1)
     told = []
-    parallel = match_pairs(
-        three_room_pairs, three_room_scans, settings, progress=lambda *p: told.append(p), workers=2
-    )
+    with sharing(2) as share:
+        parallel = match_pairs(
+            three_room_pairs, three_room_scans, settings, lambda *p: told.append(p), share
+        )
     assert numbers(parallel) == numbers(three_room_hypotheses)
     assert told[-1] == ("matching scans", len(three_room_pairs), len(three_room_pairs))
     assert len(told) == len(three_room_pairs)
