@@ -83,6 +83,10 @@ class LossModel:
         """No walls are asked for."""
         return self
 
+    def as_it_is(self) -> LossModel:
+        """There are no walls to keep."""
+        return self
+
     def unlabelled(self, *shape: int) -> FloatArray:
         """(*shape, 1) all links alike."""
         return np.ones((*shape, 1))

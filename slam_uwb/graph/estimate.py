@@ -169,7 +169,7 @@ def _links(problem: GraphProblem, solved: Solved) -> tuple[LinkMeasurement, ...]
             slant = math.hypot(math.dist(tags[link.station], place), rise)
             residual = link.distance - solved.variables.offset_of(link.anchor) - slant
         filled.append(replace(link, residual=residual, rejection=reason))
-        verdict = solved.verdicts.get((link.station, link.anchor))
+        verdict = solved.verdicts.get(link.name)
         if verdict is not None and reason is None:
             filled[-1] = replace(
                 filled[-1],

@@ -298,7 +298,7 @@ def _deliver(scene: Scene, last: Round) -> Solved:
             last.model,
             optimum.variables,
             last.sides,
-            last.found.heights(),
+            found,
             usable_links(problem, optimum.variables.poses, scene.settings),
         ),
     )

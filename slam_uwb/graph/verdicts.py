@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..model.geometry import FloatArray, Points
+from ..model.geometry import FloatArray, Points, Vector2
 from ..model.link_law import LinkDensity, LinkModel
 from ..model.products import LinkMeasurement
 from ..model.survey import AnchorId, StationId
-from .find import Scene
+from .find import Found, Scene
 from .sides import Sides, label_places
 from .swaps import AnchorLinks, swap_gains
 from .variables import Variables
@@ -46,7 +46,7 @@ def judge_links(
     model: LinkModel,
     solved: Variables,
     sides: Sides,
-    heights: dict[AnchorId, float],
+    found: Found,
     links: tuple[LinkMeasurement, ...],
 ) -> dict[LinkName, LinkVerdict]:
     """Verdicts of all links both of whose ends are placed.
@@ -56,66 +56,119 @@ def judge_links(
         model: of the links' errors.
         solved: the solution.
         sides: of the anchors: where the walls on their links' paths are counted.
-        heights: m, of the anchors.
+        found: what the ranges say of the anchors, those without a place among them.
         links: usable ones.
     """
-    tags = scene.levers.tags(solved.poses)
-    ends = [
-        k for k in links if k.station in tags and k.anchor in solved.anchors and k.anchor in heights
-    ]
-    if not ends:
+    paths = _paths(scene, solved, found, links)
+    if not paths.links:
         return {}
-    tag_heights = {station.id: station.tag_height for station in scene.problem.stations}
-    first = np.array([tags[k.station] for k in ends])
-    second = np.array([solved.anchors[k.anchor] for k in ends])
-    labelled = label_places([k.anchor for k in ends], solved, sides)
-    rises = np.array([heights[k.anchor] - tag_heights[k.station] for k in ends])
-    slant = np.sqrt(((second - first) ** 2).sum(axis=1) + rises**2)
-    errors = np.array([k.distance - solved.offset_of(k.anchor) for k in ends]) - slant
-    density = model.density(model.labels(first, labelled), np.array([k.sigma for k in ends]))
+    labelled = label_places([link.anchor for link in paths.links], solved, sides)
+    offsets = np.array([solved.offset_of(link.anchor) for link in paths.links])
+    errors = paths.distances - offsets - paths.slants
+    density = model.density(model.labels(paths.tags, labelled), paths.sigmas)
     walls, faults = density.posterior(errors)
     verdicts = [
         _verdict(belief, float(fault), float(error), model)
         for belief, fault, error in zip(walls, faults, errors, strict=True)
     ]
-    named = _name_swaps(ends, verdicts, errors, density)
-    if all(verdict.fault is None or "swapped" not in verdict.fault for verdict in named):
-        labels, sigmas = model.labels(first, second), np.array([k.sigma for k in ends])
-        anchors = _links_by_anchor(ends, solved, first, rises)
-        gains = swap_gains(anchors, lambda rows: model.density(labels[rows], sigmas[rows]))
-        named = _name_open_swaps(ends, named, gains)
-    return {(link.station, link.anchor): verdict for link, verdict in zip(ends, named, strict=True)}
+    named = _name_swaps(paths.links, verdicts, errors, density)
+    judged = {link.name: verdict for link, verdict in zip(paths.links, named, strict=True)}
+    if any(verdict.fault and "swapped" in verdict.fault for verdict in named):
+        return judged
+    likely = replace(solved, anchors=_likely_places(found) | solved.anchors)
+    return _name_open_swaps(_paths(scene, likely, found, links), judged, likely, model)
 
 
-def _links_by_anchor(
-    links: list[LinkMeasurement], solved: Variables, tags: Points, rises: FloatArray
-) -> list[AnchorLinks]:
-    """The links of each anchor, with (L, 2) m of their tags and (L,) m that the anchors are above them."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Paths:
+    """Links between places."""
+
+    links: tuple[LinkMeasurement, ...]
+    tags: Points
+    """(L, 2) m."""
+    places: Points
+    """(L, 2) m, of the anchors."""
+    rises: FloatArray
+    """(L,) m, of the anchors above the tags."""
+
+    @property
+    def slants(self) -> FloatArray:
+        """(L,) m."""
+        return np.asarray(np.sqrt(((self.places - self.tags) ** 2).sum(axis=1) + self.rises**2))
+
+    @property
+    def distances(self) -> FloatArray:
+        """(L,) m, as measured."""
+        return np.array([link.distance for link in self.links])
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """(L,) m."""
+        return np.array([link.sigma for link in self.links])
+
+
+def _paths(
+    scene: Scene, placed: Variables, found: Found, links: tuple[LinkMeasurement, ...]
+) -> _Paths:
+    """Those of the links both of whose ends have a place."""
+    tags, heights = scene.levers.tags(placed.poses), found.heights()
+    tag_heights = {station.id: station.tag_height for station in scene.problem.stations}
+    ends = tuple(
+        k for k in links if k.station in tags and k.anchor in placed.anchors and k.anchor in heights
+    )
+    return _Paths(
+        ends,
+        np.array([tags[k.station] for k in ends]).reshape(-1, 2),
+        np.array([placed.anchors[k.anchor] for k in ends]).reshape(-1, 2),
+        np.array([heights[k.anchor] - tag_heights[k.station] for k in ends]),
+    )
+
+
+def _likely_places(found: Found) -> dict[AnchorId, Vector2]:
+    """The likeliest place of each anchor that has several."""
+    several = {name: f.alternatives for name, f in found.anchors.items() if f.alternatives}
+    likeliest = {name: max(places, key=lambda p: p.weight) for name, places in several.items()}
+    return {name: np.array([place.x, place.y]) for name, place in likeliest.items()}
+
+
+def _links_by_anchor(paths: _Paths, solved: Variables) -> list[AnchorLinks]:
+    """The links of each anchor."""
     found = []
-    for anchor in dict.fromkeys(link.anchor for link in links):
-        rows = np.array([k for k, link in enumerate(links) if link.anchor == anchor])
+    for anchor in dict.fromkeys(link.anchor for link in paths.links):
+        rows = np.array([k for k, link in enumerate(paths.links) if link.anchor == anchor])
         offset = solved.offset_of(anchor)
-        distances = np.array([links[k].distance for k in rows]) - offset
         found.append(
-            AnchorLinks(rows, solved.anchors[anchor], tags[rows], rises[rows], distances, offset)
-        )
+            AnchorLinks(
+                rows, solved.anchors[anchor], paths.tags[rows], paths.rises[rows],
+                paths.distances[rows] - offset, offset,
+            )
+        )  # fmt: skip
     return found
 
 
 def _name_open_swaps(
-    links: list[LinkMeasurement],
-    verdicts: list[LinkVerdict],
-    gains: Mapping[tuple[int, int], float],
-) -> list[LinkVerdict]:
-    """The verdicts, with the pairs named that fit better swapped, whatever the solution's places say."""
-    named, taken = list(verdicts), set[int]()
+    paths: _Paths,
+    verdicts: Mapping[LinkName, LinkVerdict],
+    solved: Variables,
+    model: LinkModel,
+) -> dict[LinkName, LinkVerdict]:
+    """The verdicts, with the pairs named that fit better swapped, whatever the solution's places say.
+
+    Of an anchor with several places its links have no verdict, but those that were swapped with them do.
+    """
+    labels, sigmas = model.labels(paths.tags, paths.places), paths.sigmas
+    anchors = _links_by_anchor(paths, solved)
+    gains = swap_gains(anchors, lambda rows: model.density(labels[rows], sigmas[rows]))
+    named, taken = dict(verdicts), set[int]()
     for pair in sorted(gains, key=lambda pair: -gains[pair]):
-        faulty = any(verdicts[link].fault is not None for link in pair)
+        ends = [paths.links[number] for number in pair]
+        faulty = any(end.name in verdicts and verdicts[end.name].fault is not None for end in ends)
         least = FAULTY_PAIR_GAIN if faulty else SOUND_PAIR_GAIN
         if gains[pair] > least and taken.isdisjoint(pair):
             taken.update(pair)
-            for one, other in (pair, pair[::-1]):
-                named[one] = replace(verdicts[one], fault=_swapped_with(links[other]))
+            for one, other in (ends, ends[::-1]):
+                if one.name in named:
+                    named[one.name] = replace(named[one.name], fault=_swapped_with(other))
     return named
 
 
@@ -124,7 +177,7 @@ def _swapped_with(other: LinkMeasurement) -> str:
 
 
 def _name_swaps(
-    links: list[LinkMeasurement],
+    links: Sequence[LinkMeasurement],
     verdicts: list[LinkVerdict],
     errors: FloatArray,
     density: LinkDensity,

@@ -154,6 +154,11 @@ class LinkMeasurement:
     rejection: str | None = None
     """Why it is not used; None where it is."""
 
+    @property
+    def name(self) -> tuple[StationId, AnchorId]:
+        """Which link it is."""
+        return self.station, self.anchor
+
 
 @dataclass(frozen=True, slots=True)
 class AnchorLink:
