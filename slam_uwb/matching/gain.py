@@ -17,6 +17,9 @@ from .evidence import STRIDE, Block, Seen, evidence_of, lengths_of
 from .index import ScanIndex
 from .score import PointEvidence, point_evidence
 
+_CANDIDATES_AT_ONCE = 32
+_ALIKE_M, _ALIKE_RAD = 5.0, math.pi / 2  # a room, and the corners of most buildings
+
 
 def merge_gains(
     a: Block,
@@ -34,26 +37,38 @@ def merge_gains(
     """
     if len(b.poses) > len(a.poses):
         return merge_gains(b, a, invert(candidates), scans, settings, least=least)
-    gains = np.zeros(len(candidates))
+    gains, order = np.zeros(len(candidates)), _neighbours_together(candidates)
     of_a, met = witnesses(a), list[Crossing]()
     for j, alone in b.seen.items():
-        live = np.flatnonzero(gains >= least)
-        crossed = crossing_one(of_a, j, b.poses[j], candidates, live, scans)
-        if crossed is not None:
-            together = _seen_by_all(alone, crossed, scans, settings)
-            gains[crossed.numbers] += _gain(together, alone, scans[j], settings)
-            met.append(crossed)
+        live = order[gains[order] >= least]
+        for first in range(0, len(live), _CANDIDATES_AT_ONCE):
+            some = live[first : first + _CANDIDATES_AT_ONCE]
+            crossed = crossing_one(of_a, j, b.poses[j], candidates, some, scans)
+            if crossed is not None:
+                together = _seen_by_all(alone, crossed, scans, settings)
+                gains[crossed.numbers] += _gain(together, alone, scans[j], settings)
+                met.append(crossed)
     kept = gains >= least
     gains[~kept] = -math.inf
+    rows = np.cumsum(kept) - 1
     seen_of_a: dict[StationId, Seen] = {}
     for crossed in (left for each in met if (left := each.at(kept)) is not None):
         for i, numbers, said in _said_of_first(crossed, scans, settings):
             if i not in seen_of_a:
-                seen_of_a[i] = _repeated(a.seen[i], len(candidates))
-            _add(seen_of_a[i], numbers, said)
+                seen_of_a[i] = _repeated(a.seen[i], int(kept.sum()))
+            _add(seen_of_a[i], rows[numbers], said)
     for i, together in seen_of_a.items():
-        gains += _gain(together, a.seen[i], scans[i], settings)
+        gains[kept] += _gain(together, a.seen[i], scans[i], settings)
     return gains
+
+
+def _neighbours_together(candidates: FloatArray) -> NDArray[np.intp]:
+    """(K,) numbers of candidates a_T_b (K, 3): those that bring the blocks together alike follow each other.
+
+    The same stations are then witnesses of all, and those of far away are not asked in vain.
+    """
+    x, y, theta = candidates.T
+    return np.lexsort((y, np.round(x / _ALIKE_M), np.round(theta / _ALIKE_RAD)))
 
 
 def _gain(together: Seen, alone: Seen, scan: ScanIndex, settings: MatchingSettings) -> FloatArray:
