@@ -42,8 +42,8 @@ def coarse_sight(scan: PreparedScan) -> Sight:
     from scipy.ndimage import distance_transform_edt
 
     seen = np.zeros(_SIDE * _SIDE, dtype=bool)
-    seen[_cells(scan.points)] = True
-    seen[_cells(_free_places(scan.free_ranges))] = True
+    seen[_cells(*scan.points.T)] = True
+    seen[_cells(*_free_places(scan.free_ranges).T)] = True
     away = distance_transform_edt(~seen.reshape(_SIDE, _SIDE), sampling=_CELL_M)
     places = np.unique(np.floor(scan.points / _PLACE_M), axis=0)
     return Sight(
@@ -63,10 +63,14 @@ def _free_places(free_ranges: FloatArray) -> FloatArray:
     return np.asarray(along[sectors] * ranges[steps, None])
 
 
-def _cells(points: FloatArray) -> NDArray[np.intp]:
-    """(...,) number of the cell of each point (..., 2)."""
-    column_row = np.clip(np.floor(points / _CELL_M) + _SIDE // 2, 0, _SIDE - 1).astype(np.intp)
-    return np.asarray(column_row[..., 0] + _SIDE * column_row[..., 1])
+def _cells(x: FloatArray, y: FloatArray) -> NDArray[np.intp]:
+    """(...,) number of the cell of each place (x, y), m."""
+    column, row = (np.floor(along / _CELL_M).astype(np.intp) + _SIDE // 2 for along in (x, y))
+    for cells in (column, row):
+        np.minimum(np.maximum(cells, 0, out=cells), _SIDE - 1, out=cells)
+    row *= _SIDE
+    row += column
+    return np.asarray(row)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,23 +121,32 @@ def may_meet(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np
     """
     apart = np.hypot(ones_T_other[..., 0], ones_T_other[..., 1])
     met = apart <= ones.reach[:, None] + other.reach + _SAID_M
-    near = np.flatnonzero(met.any(axis=1))
-    met[near] &= _know_places(ones[near], other, ones_T_other[near])
+    rows, columns = np.nonzero(met)
+    met[rows, columns] = _know_places(ones, rows, other, ones_T_other[rows, columns])
     return np.asarray(met)
 
 
-def _know_places(ones: Sights, other: Sight, ones_T_other: FloatArray) -> NDArray[np.bool_]:
-    """(I, K) whether one of the two knows a place where the other has walls."""
-    c, s = np.cos(ones_T_other[..., 2]), np.sin(ones_T_other[..., 2])
-    rotation = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-    shift = ones_T_other[..., None, :2]
-    met = _any_known(ones.known, other.places @ np.swapaxes(rotation, -1, -2) + shift)
-    # The inverse: turned back after the shift.
-    back = _any_known(other.known[None, :], (ones.places[:, None] - shift) @ rotation)
-    return np.asarray(met | back)
+def _know_places(
+    ones: Sights, rows: NDArray[np.intp], other: Sight, one_T_other: FloatArray
+) -> NDArray[np.bool_]:
+    """(R,) whether scan `rows` (R,) of some or the other knows a place where the other has walls."""
+    x, y, theta = one_T_other.T[..., None]
+    c, s = np.cos(theta), np.sin(theta)
+    u, v = other.places.T
+    met = _any_known(ones.known, rows, x + c * u - s * v, y + s * u + c * v)
+    # The way back where that is not enough: the inverse turns back after the shift.
+    left = np.flatnonzero(~met)
+    u, v = ones.places[rows[left]].transpose(2, 0, 1)
+    u, v, c, s = u - x[left], v - y[left], c[left], s[left]
+    nobody = np.zeros(len(left), dtype=np.intp)
+    met[left] = _any_known(other.known[None, :], nobody, c * u + s * v, c * v - s * u)
+    return met
 
 
-def _any_known(known: NDArray[np.bool_], places: FloatArray) -> NDArray[np.bool_]:
-    """(I, K) whether any of the places (I, K, P, 2) is in a known cell (I or 1, C)."""
-    cells = _cells(places) + np.arange(len(known))[:, None, None] * known.shape[1]
+def _any_known(
+    known: NDArray[np.bool_], rows: NDArray[np.intp], x: FloatArray, y: FloatArray
+) -> NDArray[np.bool_]:
+    """(R,) whether any of the places (R, P) is in a cell known (I, C) to scan `rows` (R,)."""
+    cells = _cells(x, y)
+    cells += known.shape[1] * rows[:, None]
     return np.asarray(known.ravel().take(cells).any(axis=-1))
