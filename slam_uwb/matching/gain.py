@@ -17,7 +17,7 @@ from .evidence import STRIDE, Block, Seen, evidence_of, lengths_of
 from .index import ScanIndex
 from .score import PointEvidence, point_evidence
 
-_CANDIDATES_AT_ONCE = 32
+_CANDIDATES_AT_ONCE = 16
 _ALIKE_M, _ALIKE_RAD = 5.0, math.pi / 2  # a room, and the corners of most buildings
 
 

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.geometry import FloatArray, Points, Pose2
 from ..model.products import LinkMeasurement
@@ -24,6 +26,7 @@ RangeGain = Callable[[Poses, Poses, FloatArray], FloatArray]
 _CELL_M = 0.5
 _AREA_M2 = 400.0  # prior area of an anchor's place: a large flat; a factor two is 0.7 nats
 _RELEVANT_NATS = 10.0  # cells less likely than this against the best are left out
+_MORE_FIELDS = 64  # kept beside one a station
 _UNKNOWN_RISE_M = 1.0  # height difference assumed where an anchor's height is not known
 
 # Density of measured minus true distance, 1/m: line of sight with the offset of uncalibrated radios,
@@ -55,9 +58,9 @@ class _Field:
     """Where one group's links leave an anchor."""
 
     links: _Links
-    cells: Points
+    cells: NDArray[np.float32]
     """(C, 2) m in the group's frame."""
-    log_likelihood: FloatArray
+    log_likelihood: NDArray[np.float32]
     """(C,)"""
     log_evidence: float
     """Logarithm of the likelihood averaged over the prior area."""
@@ -71,16 +74,14 @@ def range_gain(survey: Survey, links: Sequence[LinkMeasurement]) -> RangeGain:
     for link in links:
         if link.rejection is None:
             by_station.setdefault(link.station, []).append(link)
-    fields: dict[tuple[tuple[StationId, Pose2], ...], dict[AnchorId, _Field]] = {}
 
-    def group_fields(poses: Poses) -> dict[AnchorId, _Field]:
-        key = tuple(poses.items())
-        if key not in fields:
-            fields[key] = _fields(poses, by_station, tags, heights, survey.tag_offset)
-        return fields[key]
+    # Every group is weighed against many others; those that have been merged are not asked for again.
+    @lru_cache(maxsize=len(survey.stations) + _MORE_FIELDS)
+    def fields(group: tuple[tuple[StationId, Pose2], ...]) -> dict[AnchorId, _Field]:
+        return _fields(dict(group), by_station, tags, heights, survey.tag_offset)
 
     def gain(a: Poses, b: Poses, candidates: FloatArray) -> FloatArray:
-        of_a, of_b = group_fields(a), group_fields(b)
+        of_a, of_b = fields(tuple(a.items())), fields(tuple(b.items()))
         total = np.zeros(len(candidates))
         for anchor in of_a.keys() & of_b.keys():
             total += _anchor_gain(of_a[anchor], of_b[anchor], candidates)
@@ -119,7 +120,9 @@ def _field(rows: FloatArray) -> _Field:
     likelihood = _log_likelihood(links, cells)
     relevant = likelihood > likelihood.max() - _RELEVANT_NATS
     evidence = float(_log_mean(likelihood[relevant]))
-    return _Field(links, cells[relevant], likelihood[relevant], evidence)
+    # A station hears some anchors over thousands of cells: in single precision, which is plenty.
+    near, nats = (values[relevant].astype(np.float32) for values in (cells, likelihood))
+    return _Field(links, near, nats, evidence)
 
 
 def _anchor_gain(a: _Field, b: _Field, candidates: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from ..model.geometry import FloatArray
 from ..model.products import LinkMeasurement
 from ..model.survey import StationId
 
-_CHUNK = 64  # stations at a time; bounds memory
+_CHUNK = 8  # stations at a time; bounds memory
 
 
 def least_separation(stations: Sequence[StationId], links: Sequence[LinkMeasurement]) -> FloatArray:

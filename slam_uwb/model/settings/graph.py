@@ -78,7 +78,7 @@ class GraphSettings(Section):
         description="a place found by ranges with a larger standard deviation is weak-geometry",
     )
     weak_pose_sigma_m: float = Field(
-        0.1,
+        0.125,
         gt=0.0,
         description="a station placed by its scan with a larger one is: its walls blur the map",
     )
