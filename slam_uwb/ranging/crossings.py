@@ -31,6 +31,8 @@ _Coordinate = Callable[[Points, NDArray[np.intp], NDArray[np.intp]], FloatArray]
 _REACH = 5.0  # standard deviations beyond which a piece is certainly crossed or not
 _LEAST_COSINE = 0.1  # between path and a wall's normal: a path along a wall crosses it anywhere
 _LEAST_PROBABILITY = 1e-6  # of a crossing that counts; labels jump by no more
+_GRAZED_M = _REACH * PLACE_SIGMA_M / _LEAST_COSINE
+"""A wall that a path grazes may be met that much further along."""
 _CLOSE_M = 2.0  # places within this radius are looked at together
 _CHUNK = 1_000_000  # pairs of path and piece at a time: 100 MB
 
@@ -67,6 +69,8 @@ def count_walls(pieces: WallPieces, tags: FloatArray, places: FloatArray) -> Flo
     (K, 1, 2).
     """
     shape = np.broadcast_shapes(tags.shape, places.shape)
+    starts, ends = (np.broadcast_to(x, shape).reshape(-1, 2) for x in (tags, places))
+    pieces = _around(pieces, starts, ends)
     centre = places.reshape(-1, 2).mean(axis=0) if places.size else np.zeros(2)
     reach = float(np.hypot(*(places.reshape(-1, 2) - centre).T).max(initial=0.0))
     if tags.ndim == 2 and places.ndim == 3 and places.shape[1] == 1 and reach < _CLOSE_M:
@@ -74,10 +78,8 @@ def count_walls(pieces: WallPieces, tags: FloatArray, places: FloatArray) -> Flo
         copies = len(tags) * np.arange(len(places))
         path = (copies[:, None] + path).ravel()
         piece = np.tile(piece, len(places))
-        starts, ends = (np.broadcast_to(x, shape).reshape(-1, 2) for x in (tags, places))
         counts = cross(pieces, starts, ends, path, piece).wall_probabilities()
         return counts.reshape(*shape[:-1], MAX_WALLS + 1)
-    starts, ends = (np.broadcast_to(x, shape).reshape(-1, 2) for x in (tags, places))
     chunk = max(1, _CHUNK // max(1, len(pieces.ends)))
     parts = [np.zeros((0, MAX_WALLS + 1))]
     for k in range(0, len(starts), chunk):
@@ -88,13 +90,22 @@ def count_walls(pieces: WallPieces, tags: FloatArray, places: FloatArray) -> Flo
     return np.concatenate(parts).reshape(*shape[:-1], MAX_WALLS + 1)
 
 
+def _around(pieces: WallPieces, starts: Points, ends: Points) -> WallPieces:
+    """The pieces that any of the paths may cross: of a large building, those of one part of it."""
+    if not len(starts):
+        return pieces
+    points = np.concatenate([starts, ends])
+    low, high = points.min(axis=0) - _GRAZED_M, points.max(axis=0) + _GRAZED_M
+    near = ((pieces.ends.max(axis=1) >= low) & (pieces.ends.min(axis=1) <= high)).all(axis=1)
+    return WallPieces(pieces.ends[near], pieces.line[near], pieces.probability[near])
+
+
 def near_pairs(
     pieces: WallPieces, starts: Points, ends: Points, reach: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Paths and pieces that may cross if the paths' ends move by up to `reach`, m; no pair is missed."""
     margin = reach + _REACH * PLACE_SIGMA_M
-    # A wall that the path grazes may be met that much further along.
-    around = reach + _REACH * PLACE_SIGMA_M / _LEAST_COSINE
+    around = reach + _GRAZED_M
     near = np.ones((len(starts), len(pieces.ends)), dtype=bool)
     for axis in (0, 1):
         low = np.minimum(starts[:, axis], ends[:, axis]) - around

@@ -112,6 +112,20 @@ def test_turning_everything_changes_nothing():
     )
 
 
+def test_a_path_alone_crosses_what_it_crosses_among_paths_all_over_the_building():
+    # Alone only the walls around it are looked at: none that it crosses or grazes may be missing.
+    rng = np.random.default_rng(1)
+    first = rng.uniform(-20, 20, (300, 2))
+    ends = np.stack([first, first + rng.normal(0.0, 3.0, (300, 2))], axis=1)
+    pieces = WallPieces(ends, np.arange(300), rng.random(300))
+    tags = rng.uniform(-20, 20, (200, 2))
+    places = tags + rng.normal(0.0, 0.7, (200, 2))
+
+    alone = [count_walls(pieces, tag, place) for tag, place in zip(tags, places, strict=True)]
+
+    np.testing.assert_allclose(count_walls(pieces, tags, places), alone, atol=1e-12)
+
+
 def test_more_walls_than_are_told_apart_are_counted_in_the_last_place():
     many = [[(x, -5.0), (x, 5.0)] for x in range(1, 9)]
 
