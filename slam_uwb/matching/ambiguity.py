@@ -97,9 +97,10 @@ def undecided_stations(
     hypotheses: Sequence[ScanMatch],
     settings: MatchingSettings,
 ) -> int:
-    """How many stations are in blocks that fit the largest one well, but at several places.
+    """How many stations are in blocks that fit the largest one, but at several places.
 
-    If they are as many as those of the largest block, it may be two equal rooms laid over each other as
+    A place counts from where more speaks for it than against: weak evidence decides nothing, but that
+    it is for several places tells that the rooms are alike. If they are as many as those of the largest block, it may be two equal rooms laid over each other as
     well as one.
     """
     touching = touching_stations(hypotheses)
@@ -108,7 +109,7 @@ def undecided_stations(
     for other in others:
         candidates = merge_candidates(largest, other, touching)
         candidates, gains = aligned_gains(largest, other, candidates, scans, settings)
-        fits = candidates[gains >= settings.min_margin_m]
+        fits = candidates[gains > 0.0]
         if len(fits) and distant(fits, fits[0], _ELSEWHERE_M, _ELSEWHERE_RAD).any():
             count += len(other.poses)
     return count
