@@ -100,8 +100,8 @@ def undecided_stations(
     """How many stations are in blocks that fit the largest one, but at several places.
 
     A place counts from where more speaks for it than against: weak evidence decides nothing, but that
-    it is for several places tells that the rooms are alike. If they are as many as those of the largest block, it may be two equal rooms laid over each other as
-    well as one.
+    it is for several places tells that the rooms are alike. If they are as many as those of the largest
+    block, it may be two equal rooms laid over each other as well as one.
     """
     touching = touching_stations(hypotheses)
     largest, *others = blocks
